@@ -1,0 +1,175 @@
+"""The pitch tables as people read them, and as JSON: rotation angle, rotation number, movement per rotation.
+
+The layout is that of Tables 1 to 4 of US 2016/0008901 A1, turned by 90 degrees: turns are rows, so that a thread of
+40 turns reads well, and start angles are columns; more of them than fit the width follow in tables of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rich import box
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from threadpitch.lathe import Pass
+from threadpitch.pitch import GroupPitch, PitchTable, Statistics
+from threadpitch.trace import FloatArray
+from threadpitch.units import from_si
+
+MISSING = "-"
+_EXTRAPOLATED = "* begins before the first sample: extrapolated from the first two samples"
+_TURN_COLUMNS = 24  # characters of the columns for rotation angle and rotation number
+_START_COLUMN = 12  # characters of the column of one start angle
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the tables are set: characters per line, decimals of a millimetre (4: 0.1 um), lines around the cells."""
+
+    width: int = 80
+    decimals: int = 4
+    lines: box.Box = box.ASCII2
+
+
+def analysis_document(groups: Sequence[GroupPitch]) -> dict[str, object]:
+    """The groups of a log as a JSON document, mm and degrees; null where a crossing lies outside the log."""
+    return {"groups": [{"group": group.label, **pitch_record(group.table)} for group in groups]}
+
+
+def pitch_record(table: PitchTable) -> dict[str, object]:
+    """A table as a JSON object, mm and degrees; ``pitch_mm[k][n - 1]`` is P(n) of start angle k, null outside."""
+    return {
+        "start_angles_deg": start_angles_deg(table),
+        "pitch_mm": [_millimetres(row) for row in table.pitch],
+        "min_mm": _millimetres(table.minimum),
+        "max_mm": _millimetres(table.maximum),
+        "mean_mm": _millimetres(table.mean),
+        "extrapolated": [bool(flag) for flag in table.extrapolated],
+        "turns_before": table.turns_before,
+        "notes": list(table.notes),
+    }
+
+
+def start_angles_deg(table: PitchTable) -> list[float]:
+    """The start angles in degrees, without the rounding error of the conversion."""
+    return [round(from_si(float(angle), "deg"), 9) for angle in table.start_angles]
+
+
+def pitch_tables_text(table: PitchTable, layout: Layout | None = None) -> str:
+    """Table 1 and 2 (one start angle) or 3 and 4 (several) as plain text."""
+    return _plain(pitch_renderable(table, layout), layout or Layout())
+
+
+def show_groups(console: Console, groups: Sequence[GroupPitch], *, decimals: int = 4) -> None:
+    """Prints the tables of every group; with drawn lines and bold heads on a terminal, plain in a pipe."""
+    layout = _layout_of(console, decimals)
+    for group in groups:
+        console.print(Text(f"Group {printable(group.label)}", style="bold"))
+        console.print(pitch_renderable(group.table, layout))
+        console.print()
+
+
+def show_pass(console: Console, one: Pass, *, decimals: int = 4) -> None:
+    """Prints the tables of a simulated pass; with drawn lines and bold heads on a terminal, plain in a pipe."""
+    console.print(_pass_renderable(one, _layout_of(console, decimals)))
+
+
+def pass_text(one: Pass, layout: Layout | None = None) -> str:
+    """The tables of a simulated pass as plain text."""
+    return _plain(_pass_renderable(one, layout or Layout()), layout or Layout())
+
+
+def pitch_renderable(table: PitchTable, layout: Layout | None = None) -> RenderableType:
+    """The movement per rotation, then its greatest, least and mean value, for a rich console."""
+    layout = layout or Layout()
+    parts: list[RenderableType] = [Text("Movement amount P(n) for each rotation [mm]"),
+                                   *_movement_tables(table, layout),
+                                   _statistics_table(table, table.statistics, layout)]
+    if table.extrapolated.any():
+        parts.append(Text(_EXTRAPOLATED))
+    parts.extend(Text(printable(note)) for note in table.notes)
+    return Group(*parts)
+
+
+def printable(text: str) -> str:
+    """Text from a file without control characters, which a terminal would obey."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def _movement_tables(table: PitchTable, layout: Layout) -> Iterator[Table]:
+    count = table.start_angles.size
+    per_table = max(1, (layout.width - _TURN_COLUMNS) // _START_COLUMN)
+    for first in range(0, count, per_table):
+        columns = range(first, min(first + per_table, count))
+        yield _movement_table(table, columns, layout)
+
+
+def _movement_table(table: PitchTable, columns: range, layout: Layout) -> Table:
+    headings = ["Rotation\nangle [deg]", "Number\nn [rev]", *(_heading(table, column) for column in columns)]
+    made = _table(headings, layout)
+    for turn in range(table.pitch.shape[1]):
+        cells = [_cell(table, column, turn, layout.decimals) for column in columns]
+        made.add_row(str(360 * (turn + 1 + table.turns_before)), str(turn + 1), *cells)
+    return made
+
+
+def _pass_renderable(one: Pass, layout: Layout) -> RenderableType:
+    """The tables, with the statistics once more over the turns that lie in the metal."""
+    head = Text(f"Pass {one.number}, start {one.start_number}", style="bold")
+    parts: list[RenderableType] = [head, pitch_renderable(one.table, layout)]
+    if one.effective is not None and one.in_metal.any():
+        turns = np.flatnonzero(one.in_metal.any(axis=0))
+        parts += [Text(f"Effective thread: turns in the metal, n = {turns[0] + 1} to {turns[-1] + 1}"),
+                  _statistics_table(one.table, one.effective, layout)]
+    return Group(*parts)
+
+
+def _layout_of(console: Console, decimals: int) -> Layout:
+    return Layout(console.width, decimals, box.SIMPLE_HEAD if console.is_terminal else box.ASCII2)
+
+
+def _plain(renderable: RenderableType, layout: Layout) -> str:
+    console = Console(width=layout.width, force_terminal=False, color_system=None)
+    with console.capture() as captured:
+        console.print(renderable)
+    return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
+
+
+def _statistics_table(table: PitchTable, found: Statistics, layout: Layout) -> Table:
+    columns = {"Max. value\n[mm]": found.maximum, "Min. value\n[mm]": found.minimum, "Mean value\n[mm]": found.mean}
+    made = _table(["Start angle", *columns], layout)
+    for row in range(table.start_angles.size):
+        values = [_number(float(values[row]), layout.decimals) for values in columns.values()]
+        made.add_row(_heading(table, row).replace("\n", " = "), *values)
+    return made
+
+
+def _table(headings: list[str], layout: Layout) -> Table:
+    made = Table(box=layout.lines)
+    for heading in headings:
+        made.add_column(Text(heading), justify="right", no_wrap=True)  # Text: a bracketed unit is no markup
+    return made
+
+
+def _heading(table: PitchTable, column: int) -> str:
+    return f"theta_S{column + 1}\n{start_angles_deg(table)[column]:.6g} deg"
+
+
+def _cell(table: PitchTable, column: int, turn: int, decimals: int) -> str:
+    """The first turn that is there is the one whose beginning may be extrapolated."""
+    text = _number(float(table.pitch[column, turn]), decimals)
+    first = table.extrapolated[column] and text != MISSING and (turn == 0 or math.isnan(table.pitch[column, turn - 1]))
+    return f"{text}*" if first else text
+
+
+def _number(value: float, decimals: int) -> str:
+    return MISSING if math.isnan(value) else f"{from_si(value, 'mm'):.{decimals}f}"
+
+
+def _millimetres(values: FloatArray) -> list[float | None]:
+    return [None if math.isnan(value) else from_si(value, "mm") for value in values.tolist()]

@@ -1,0 +1,169 @@
+"""Text files of rows: opened, unpacked and split, block by block, with the number of every line."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import gzip
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO
+
+from threadpitch.trace.recording import TraceError
+
+BLOCK = 1 << 20  # characters that are read at once
+LONGEST_LINE = 1 << 16  # characters; a row of numbers is far shorter
+_GZIP = b"\x1f\x8b"
+_SEPARATORS = ",;\t"
+_SHOWN = 40  # characters of a text from a file that a message shows
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some rows of a file, each as long as the header, with their lines (from 1)."""
+
+    source: str
+    header: list[str]
+    header_line: int
+    lines: list[int]
+    rows: list[list[str]]
+
+    def part(self, first: int, last: int) -> Block:
+        """The rows from ``first`` up to ``last``."""
+        return replace(self, lines=self.lines[first:last], rows=self.rows[first:last])
+
+
+def brief(text: str) -> str:
+    """Text of a file as a message shows it: quoted, control characters escaped, not longer than a line."""
+    return repr(text if len(text) <= _SHOWN else text[:_SHOWN] + "...")
+
+
+def rows_of(path: Path) -> Iterator[Block]:
+    """The rows of a text file in blocks; the first row that is not blank is the header, blank rows are left out.
+
+    The separator is the one of comma, semicolon and tab that the header holds most of.
+
+    Raises:
+        TraceError: the file is missing, a directory, empty, binary, cut off, or its rows differ in length.
+    """
+    source = str(path)
+    header: list[str] = []
+    header_line, line, separator = 0, 0, ","
+    with _opened(path) as stream:
+        for text in _line_blocks(stream, source):
+            if not header:
+                blank = next((i for i, row in enumerate(text) if row.strip()), len(text))
+                line, text = line + blank, text[blank:]
+                if not text:
+                    continue
+                separator = max(_SEPARATORS, key=text[0].count)
+                header, header_line = _header(text[0], separator, f"{source}:{line + 1}"), line + 1
+                line, text = line + 1, text[1:]
+            block = _split(text, separator, Block(source, header, header_line, [], []), line)
+            line += len(text)
+            if block.rows:
+                yield block
+    if not header:
+        raise TraceError(f"{source}: the file is empty; give a log with a header and rows")
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[IO[str]]:
+    source = str(path)
+    try:
+        with open(path, "rb") as raw:
+            packed = raw.read(2) == _GZIP
+        with (gzip.open if packed else open)(path, "rb") as probe:
+            encoding = _encoding(probe.read(1 << 16), source)
+        with (gzip.open if packed else open)(path, "rt", encoding=encoding, errors="replace") as stream:
+            yield stream
+    except FileNotFoundError:
+        raise TraceError(f"{source}: there is no such file{_nearest(path)}") from None
+    except IsADirectoryError:
+        raise TraceError(f"{source}: is a directory; give the log file in it") from None
+    except EOFError:
+        raise TraceError(f"{source}: the compressed file ends too early; copy or record it again") from None
+    except (zlib.error, gzip.BadGzipFile) as error:
+        raise TraceError(f"{source}: the compressed file is damaged ({error}); copy or record it again") from None
+    except OSError as error:
+        raise TraceError(f"{source}: cannot be read ({error.strerror or error})") from None
+
+
+def _nearest(path: Path) -> str:
+    try:
+        names = [other.name for other in path.parent.iterdir()]
+    except OSError:
+        return ""
+    near = difflib.get_close_matches(path.name, names, n=3)
+    return f"; nearest are {', '.join(brief(name) for name in near)}" if near else ""
+
+
+def _encoding(start: bytes, source: str) -> str:
+    """UTF-8, or the Windows code page in which many machines write their degree signs."""
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    if b"\0" in start:
+        raise TraceError(f"{source}: is not a text file (it holds zero bytes); give a CSV log, plain or as .csv.gz")
+    try:
+        start[:-4].decode("utf-8")  # the end may cut a character in two
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"
+
+
+def _line_blocks(stream: IO[str], source: str) -> Iterator[list[str]]:
+    """Lists of whole lines without their ends; memory is bounded whatever the file holds."""
+    line = 1
+    while text := stream.read(BLOCK):
+        rest = stream.readline(LONGEST_LINE)
+        lines = (text + rest).split("\n")
+        if not lines[-1]:
+            lines.pop()
+        for i, one in enumerate(lines):
+            if len(one) >= LONGEST_LINE:
+                raise TraceError(f"{source}:{line + i}: a line of more than {LONGEST_LINE} characters; "
+                                 "give a CSV log with one row per sample")
+            if "\0" in one:
+                raise TraceError(f"{source}:{line + i}: a zero byte in the text; the log is damaged from here on")
+        line += len(lines)
+        yield lines
+
+
+def _header(text: str, separator: str, place: str) -> list[str]:
+    header = next(csv.reader([text], delimiter=separator))
+    numbers = sum(_starts_like_a_number(name) for name in header)
+    if numbers == len(header):
+        raise TraceError(f"{place}: the first row holds numbers; give a header with the names of the columns")
+    return header
+
+
+def _starts_like_a_number(name: str) -> bool:
+    try:
+        float(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _split(text: list[str], separator: str, empty: Block, before: int) -> Block:
+    """The rows of these lines; ``before`` lines of the file stand above them."""
+    reader = csv.reader(text, delimiter=separator)
+    rows: list[list[str]] = []
+    for number, row in enumerate(reader, start=1):
+        if reader.line_num != number:
+            raise TraceError(f"{empty.source}:{before + number}: a quoted text is not closed in its line; close it")
+        rows.append(row)
+    width = len(empty.header)
+    if all(len(row) == width for row in rows):
+        return replace(empty, lines=list(range(before + 1, before + 1 + len(rows))), rows=rows)
+    kept = [(before + i, row) for i, row in enumerate(rows, start=1) if any(cell.strip() for cell in row)]
+    for line, row in kept:
+        if len(row) == width + 1 and not row[-1].strip():
+            row.pop()  # a separator at the end of the row
+        if len(row) != width:
+            raise TraceError(f"{empty.source}:{line}: {len(row)} fields where the header has {width}; mend this row "
+                             f"(separator {separator!r})")
+    return replace(empty, lines=[line for line, _ in kept], rows=[row for _, row in kept])
