@@ -1,0 +1,242 @@
+"""The command line: ``threadpitch run | analyze | build``. Degrees, mm and rpm at this edge, SI inside."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from threadpitch import __version__, cosim, lathe
+from threadpitch.cosim.values import Given
+from threadpitch.fmu import BuildError, ModelError
+from threadpitch.parameters import ParameterFileError, read_assignments, read_parameters
+from threadpitch.pitch import PitchError, pitch_tables
+from threadpitch.run_folder import run_document, save_run
+from threadpitch.system_archive import build_models, build_system
+from threadpitch.tables import analysis_document, show_groups, show_pass
+from threadpitch.trace import ColumnChoice, TraceError
+from threadpitch.units import UnitError
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+DEFAULT_OUTPUT = "threadpitch-run"
+_KNOWN_ERRORS = (cosim.CosimError, lathe.LatheError, BuildError, ModelError, ParameterFileError, PitchError, TraceError,
+                 UnitError, OSError)
+_NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
+# Options that take several values, and what a value looks like
+_SEVERAL = {"--start-angle": _NUMBER, "--set": r"[^-=][^=]*=.*"}
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
+                  help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
+                       "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
+
+StartAngles = Annotated[list[float] | None, typer.Option(
+    "--start-angle", metavar="DEG ...", help="Start angles theta_S in degrees, several after one another.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output (mm, degrees, s).")]
+
+
+@app.command()
+def run(
+    system: Annotated[str, typer.Argument(help="Folder with SystemStructure.ssd, an .ssd or an .ssp.")]
+    = lathe.DEFAULT_SYSTEM,
+    assignments: Annotated[list[str] | None, typer.Option(
+        "--set", metavar="COMPONENT.VARIABLE=VALUE", help="Set a value: SI, or with a unit such as 10mm, 300rpm, "
+                                                          "45deg; choices by name.")] = None,
+    parameters: Annotated[list[Path] | None, typer.Option(
+        metavar="FILE", help="Parameter file: .ssv, .toml or .json; --set wins over it.")] = None,
+    start_angle: StartAngles = None,
+    stop_time: Annotated[float | None, typer.Option(metavar="S", help="Stop time in s. (default: of the system)")]
+    = None,
+    step_size: Annotated[float | None, typer.Option(
+        metavar="S", help="Communication step in s. (default: what the FMUs recommend)")] = None,
+    flavor: Annotated[str, typer.Option(help="Kind of FMUs that are built: python.")] = lathe.DEFAULT_FLAVOR,
+    output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trace.csv, pitch.csv, tables.txt and "
+                                                             "result.json.")] = Path(DEFAULT_OUTPUT),
+    as_json: AsJson = False,
+) -> None:
+    """Simulate a lathe that cuts a thread, and print the movement per revolution."""
+    values: dict[str, Given] = {}
+    for file in parameters or []:
+        values |= read_parameters(file)
+    values |= read_assignments(assignments or [])
+    angles = None if start_angle is None else _radians(start_angle)
+    if output.exists() and not output.is_dir():
+        _fail(f"{output} is a file; choose another folder with --output")
+    try:
+        with _progress("simulating") as progress:
+            simulation = lathe.simulate(system, parameters=values, start_angles=angles, stop_time=stop_time,
+                                        step_size=step_size, flavor=flavor, progress=progress)
+    except cosim.SimulationInterrupted as interrupt:
+        _keep(interrupt, output, flavor)
+    if simulation.calculators and not simulation.passes:
+        _fail(simulation.why_no_turn())
+    saved = save_run(simulation, output)
+    if as_json:
+        _print_json(run_document(simulation))
+    else:
+        _show(simulation, saved)
+
+
+@app.command()
+def analyze(
+    log: Annotated[Path, typer.Argument(help="Log of a machine: CSV, plain or .gz.")],
+    angle: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the spindle's angle.")],
+    position: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the feed's position.")],
+    angle_unit: Annotated[str, typer.Option(metavar="rev|deg|rad|count", help="Unit of the angle.")] = "rev",
+    position_unit: Annotated[str, typer.Option(metavar="mm|m|um|inch", help="Unit of the position.")] = "mm",
+    counts_per_turn: Annotated[float | None, typer.Option(
+        metavar="N", help="Counts per turn, for --angle-unit count: lines of the encoder times 4.")] = None,
+    group: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="Column that parts the passes; rows with 0, false or nothing in it are left out.")]
+    = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of the time. (default: by its name)")]
+    = None,
+    start_angle: StartAngles = None,
+    as_json: AsJson = False,
+) -> None:
+    """Movement per revolution of every pass in a machine's log."""
+    choice = ColumnChoice(angle, position, angle_unit, position_unit, group, time, counts_per_turn)
+    groups = pitch_tables(log, choice, _radians(start_angle or [0.0]))
+    if as_json:
+        _print_json(analysis_document(groups))
+    else:
+        show_groups(Console(), groups)
+
+
+@app.command()
+def build(
+    models: Annotated[list[Path] | None, typer.Argument(
+        metavar="[MODEL.py ...]", help="Model files. (default: all of fmu_src, and the lathe as an .ssp)")] = None,
+    flavor: Annotated[str, typer.Option(help="Kind of FMUs: python.")] = lathe.DEFAULT_FLAVOR,
+    fmi: Annotated[int, typer.Option(help="FMI version: 2.")] = 2,
+    output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the FMUs.")] = Path("fmus"),
+) -> None:
+    """Build FMUs from model files."""
+    if fmi != 2:
+        _fail(f"FMI {fmi} cannot be built; choose --fmi 2")
+    for path in build_models(models or lathe.model_files(), output, flavor):
+        print(path)
+    if not models:
+        print(build_system(lathe.DEFAULT_SYSTEM, output, flavor))
+
+
+@app.callback(invoke_without_command=True)
+def _options(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        print(f"threadpitch {__version__}")
+        raise typer.Exit
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command line and leave the process: 0, 2 for bad input (one line on standard error), 130 after Ctrl-C."""
+    sys.exit(invoke(sys.argv[1:] if arguments is None else arguments))
+
+
+def invoke(arguments: Sequence[str]) -> int:
+    """The command line's exit status; what is wrong goes to standard error in one line."""
+    try:
+        status = app(_one_value_each(arguments), prog_name="threadpitch", standalone_mode=False)
+    except typer.TyperException as error:
+        message = error.format_message()
+        return _say(message or "a command is missing; see threadpitch --help")
+    except typer.Abort:
+        return INTERRUPTED
+    except _KNOWN_ERRORS as error:
+        return _say(_file_message(error) if isinstance(error, OSError) else str(error))
+    except KeyboardInterrupt:
+        print("threadpitch: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    return status if isinstance(status, int) else 0
+
+
+def _one_value_each(arguments: Sequence[str]) -> list[str]:
+    """``--start-angle 0 90`` as ``--start-angle 0 --start-angle 90``: several values may follow one option."""
+    expanded: list[str] = []
+    option = ""
+    for number, argument in enumerate(arguments):
+        if argument == "--":
+            return [*expanded, *arguments[number:]]
+        follows = bool(option) and re.fullmatch(_SEVERAL[option], argument) is not None
+        if follows and expanded[-1] != option:
+            expanded.append(option)
+        elif not follows:
+            option = argument if argument in _SEVERAL else ""
+        expanded.append(argument)
+    return expanded
+
+
+def _radians(degrees: Sequence[float]) -> list[float]:
+    for angle in degrees:
+        if not abs(angle) <= 360.0:
+            _fail(f"start angle {angle:g} degrees is more than a turn; give angles from -360 to 360")
+    return [math.radians(angle) for angle in degrees]
+
+
+class _progress:  # noqa: N801 -- used as a function: with _progress("simulating") as progress
+    """A bar on standard error while the master tells (steps done, steps in all); nothing where that is no terminal."""
+
+    def __init__(self, label: str) -> None:
+        console = Console(stderr=True)
+        self._bar = Progress(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(),
+                             TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal)
+        self._task = self._bar.add_task(label, total=None)
+
+    def __enter__(self) -> Callable[[int, int], None]:
+        self._bar.start()
+        return lambda done, steps: self._bar.update(self._task, completed=done, total=steps)
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+
+def _show(simulation: lathe.Simulation, saved: Sequence[Path]) -> None:
+    console = Console()
+    for one in simulation.passes:
+        show_pass(console, one)
+    if not simulation.calculators:
+        console.print(simulation.why_no_turn())
+    simulated = float(simulation.time[-1] - simulation.time[0])
+    console.print(f"{simulation.steps} steps, {simulated:g} s simulated in {simulation.wall_time:.2f} s with "
+                  f"{simulation.flavor} FMUs; saved: {', '.join(map(str, saved))}", highlight=False, soft_wrap=True)
+    for warning in simulation.result.warnings:
+        print(f"threadpitch: warning: {warning}", file=sys.stderr)
+
+
+def _keep(interrupt: cosim.SimulationInterrupted, output: Path, flavor: str) -> NoReturn:
+    """What was recorded before Ctrl-C is saved."""
+    kept = ""
+    if interrupt.result is not None:
+        kept = f"; what was recorded is in {save_run(lathe.Simulation(interrupt.result, flavor), output)[0].parent}"
+    print(f"threadpitch: {interrupt}{kept}", file=sys.stderr)
+    raise typer.Exit(INTERRUPTED)
+
+
+def _print_json(document: dict[str, object]) -> None:
+    print(json.dumps(document, allow_nan=False))
+
+
+def _file_message(error: OSError) -> str:
+    if error.strerror is None:
+        return str(error)
+    return f"{error.filename}: {error.strerror.lower()}" if error.filename else error.strerror
+
+
+def _fail(message: str) -> NoReturn:
+    raise lathe.LatheError(message)
+
+
+def _say(message: str) -> int:
+    print(f"threadpitch: {' '.join(message.split())}", file=sys.stderr)
+    return BAD_INPUT
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,266 @@
+"""The story on one page: system and parameters -> co-simulation of its FMUs -> passes with their pitch tables.
+
+Knows what is shipped with the package (``models/``, ``fmu_src/``), builds the FMUs that a system asks for, and finds
+the pitches in what was recorded.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from threadpitch import cosim
+from threadpitch.cosim.master import Progress
+from threadpitch.cosim.system import nearest
+from threadpitch.cosim.values import Given
+from threadpitch.fmu import cached_fmu
+from threadpitch.pitch import PitchTable, Statistics, statistics
+
+DEFAULT_SYSTEM = "models/threading_lathe"
+DEFAULT_FLAVOR = "python"
+NOMINAL = "nominal_pitch"  # names in the lathe's SSD
+ACTUAL = "actual_pitch"
+CONTROLLER = "controller"
+ANGLES = 8  # start angles of a PitchCalculator
+TURNS_A_STEP = 8  # turns of one start angle that it keeps per step
+
+FloatArray = NDArray[np.float64]
+
+
+class LatheError(ValueError):
+    """The simulation cannot answer the question that was asked; the message tells why and how to mend it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """One threading pass: the pitches of its whole turns, and which of them lie in the metal."""
+
+    number: int
+    start_number: int
+    table: PitchTable
+    effective: Statistics | None  # over the turns wholly in the metal; None where the system does not tell the face
+    deviation: FloatArray  # (start_angles, revolutions) m, P(n) - target
+    in_metal: NDArray[np.bool_]  # (start_angles, revolutions)
+
+
+class Simulation(Mapping[str, cosim.recording.Column]):
+    """What a simulated lathe leaves: recorded variables by name, and the passes that were cut.
+
+    ``result["nominal_pitch.pitch[1]"]`` and ``result.time`` are (steps + 1,), the first row after initialisation.
+    """
+
+    def __init__(self, result: cosim.Result, flavor: str) -> None:
+        self.result = result
+        self.flavor = flavor
+        self.time = result.time
+        self.steps = result.steps
+        self.wall_time = result.wall_time
+
+    def __getitem__(self, name: str) -> cosim.recording.Column:
+        return self.result[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.result)
+
+    def __len__(self) -> int:
+        return len(self.result)
+
+    def __repr__(self) -> str:
+        return f"<Simulation: {len(self.passes)} passes, {self.result!r}>"
+
+    @property
+    def calculators(self) -> tuple[str, ...]:
+        """The components that calculate pitches, by their variables; the nominal one first where there is one."""
+        mark = ".completed_pitch[1]"
+        names = [name.removesuffix(mark) for name in self.result if name.endswith(mark)]
+        return tuple(sorted(names, key=lambda name: name != NOMINAL))
+
+    @functools.cached_property
+    def passes(self) -> tuple[Pass, ...]:
+        """The passes as the first calculator saw them: of the lathe, the nominal pitches."""
+        return self.passes_of(self.calculators[0]) if self.calculators else ()
+
+    def passes_of(self, calculator: str) -> tuple[Pass, ...]:
+        """The passes as this calculator saw them.
+
+        Raises:
+            LatheError: there is no such calculator.
+        """
+        if calculator not in self.calculators:
+            raise LatheError(f"component {calculator!r} calculates no pitches{nearest(calculator, self.calculators)}")
+        found = (self._pass(calculator, number, rows) for number, rows in enumerate(self._stretches(), start=1))
+        return tuple(one for one in found if one is not None)
+
+    @property
+    def pitch_table(self) -> PitchTable:
+        """P(n) of the first pass.
+
+        Raises:
+            LatheError: no turn was completed.
+        """
+        if not self.passes:
+            raise LatheError(self.why_no_turn())
+        return self.passes[0].table
+
+    def why_no_turn(self) -> str:
+        """Why no pitch was found, in one line."""
+        if not self.calculators:
+            return "no component of this system calculates pitches; add a PitchCalculator to it"
+        threading = self._threading()
+        stop = float(self.time[-1])
+        if not threading.any():
+            return f"no threading until the stop at {stop:g} s; choose a longer stop time"
+        began = float(self.time[int(np.argmax(threading))])
+        return f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; choose a longer stop time"
+
+    def _threading(self) -> NDArray[np.bool_]:
+        """(rows,) whether the first calculator's input said threading."""
+        return np.asarray(self.result[f"{self.calculators[0]}.threading"], dtype=np.bool_)
+
+    def _stretches(self) -> list[slice]:
+        """Rows of every threading pass: from the first that is threading to the last before the next pass."""
+        threading = self._threading()
+        begins = np.flatnonzero(threading & ~np.concatenate(([False], threading[:-1])))
+        ends = np.append(begins[1:], threading.size)
+        return [slice(int(begin), int(end)) for begin, end in zip(begins, ends, strict=True)]
+
+    def _pass(self, calculator: str, number: int, rows: slice) -> Pass | None:
+        count = int(self.result[f"{calculator}.start_angle_count"][0])
+        turns = [self._turns(calculator, angle, rows) for angle in range(count)]
+        longest = max(pitch.size for pitch, _ in turns)
+        if longest == 0:
+            return None
+        pitch = np.full((count, longest), np.nan)  # (start_angles, revolutions)
+        ends = np.full((count, longest), np.nan)
+        for row, (values, positions) in enumerate(turns):
+            pitch[row, :values.size], ends[row, :values.size] = values, positions
+        starts = [float(self.result[f"{calculator}.start_angle[{i + 1}]"][0]) for i in range(count)]
+        target = float(self.result[f"{calculator}.pitch_target"][0])
+        in_metal = self._in_metal(pitch, ends)
+        effective = None if in_metal is None else statistics(np.where(in_metal, pitch, np.nan))
+        return Pass(number, self._start_number(rows), PitchTable.of_pitches(pitch, starts), effective, pitch - target,
+                    np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal)
+
+    def _turns(self, calculator: str, angle: int, rows: slice) -> tuple[FloatArray, FloatArray]:
+        """(P(n), xi at the end of turn n) of one start angle: several turns may end in one step."""
+        completed = self.result[f"{calculator}.completed[{angle + 1}]"][rows]
+        position = self.result[f"{calculator}.crossing_position[{angle + 1}]"][rows]
+        direction = self.result[f"{calculator}.direction"][rows]
+        pitches: list[float] = []
+        ends: list[float] = []
+        for row in np.flatnonzero(completed):
+            kept = [float(self.result[f"{calculator}.completed_pitch[{TURNS_A_STEP * angle + turn + 1}]"][rows][row])
+                    for turn in range(int(completed[row]))]
+            after = np.cumsum(kept[::-1])[::-1] - np.array(kept)  # movement of this step's later turns
+            ends += (position[row] - direction[row] * after).tolist()
+            pitches += kept
+        return np.array(pitches), np.array(ends)
+
+    def _in_metal(self, pitch: FloatArray, ends: FloatArray) -> NDArray[np.bool_] | None:
+        """Turns that begin behind the workpiece's face; they end before z_end because threading does."""
+        names = [f"{CONTROLLER}.{name}" for name in ("z_face", "z_start", "z_end")]
+        if not all(name in self.result for name in names):
+            return None
+        face, start, end = (float(self.result[name][0]) for name in names)
+        sense = 1.0 if end > start else -1.0
+        begins = ends - sense * pitch
+        with np.errstate(invalid="ignore"):
+            return np.asarray(sense * (begins - face) >= 0.0)
+
+    def _start_number(self, rows: slice) -> int:
+        name = f"{CONTROLLER}.start_number"
+        return int(self.result[name][rows][0]) if name in self.result else 1
+
+
+def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Given] | None = None,
+             start_angles: Sequence[float] | None = None, stop_time: float | None = None,
+             step_size: float | None = None, flavor: str = DEFAULT_FLAVOR,
+             progress: Progress | None = None) -> Simulation:
+    """Simulate a lathe: a folder with SystemStructure.ssd, an .ssd or an .ssp, or a shipped one such as the default.
+
+    ``parameters`` maps ``component.variable`` to a number (SI), a truth value or a text with a unit ("10mm").
+    ``start_angles`` (start_angles,) rad, up to 8, go to every pitch calculator. Times are seconds; what is None comes
+    from the system. FMUs that the system names and that do not lie beside it are built from ``fmu_src``.
+
+    Raises:
+        LatheError: too many start angles.
+        cosim.CosimError: the system, a value or a time is wrong, or a component fails.
+        fmu.BuildError: an FMU cannot be built in this flavor.
+    """
+    with cosim.read_system(find_system(system), locate=functools.partial(locate_fmu, flavor)) as structure:
+        with cosim.prepare(structure) as plan:
+            calculators = [name for name, description in plan.descriptions.items()
+                           if "completed_pitch[1]" in description.variables]
+            controllers = [name for name, description in plan.descriptions.items()
+                           if "z_face" in description.variables]
+        chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
+        record = ["outputs"]
+        for name in calculators:
+            record += [f"{name}.{variable}" for variable in ("threading", "direction", "pitch_target", "start_angle*")]
+        for name in controllers:
+            record += [f"{name}.{variable}" for variable in ("z_face", "z_start", "z_end")]
+        result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=record,
+                                progress=progress)
+    return Simulation(result, flavor)
+
+
+def _start_angle_parameters(calculators: Sequence[str], start_angles: Sequence[float] | None) -> dict[str, Given]:
+    if start_angles is None:
+        return {}
+    if not 1 <= len(start_angles) <= ANGLES:
+        raise LatheError(f"{len(start_angles)} start angles; a pitch calculator takes 1 to {ANGLES}")
+    chosen: dict[str, Given] = {}
+    for name in calculators:
+        chosen[f"{name}.start_angle_count"] = len(start_angles)
+        chosen[f"{name}.start_angle"] = list(start_angles)
+    return chosen
+
+
+def shipped(name: str) -> Path:
+    """The folder ``fmu_src`` or ``models``: inside the installed package, or beside it in a checkout."""
+    package = Path(__file__).parent
+    return package / name if (package / name).is_dir() else package.parent / name
+
+
+def find_system(system: str | Path) -> Path:
+    """The path itself where it exists; else a shipped one of this name, such as ``models/threading_lathe``."""
+    path = Path(system)
+    if path.exists() or path.is_absolute():
+        return path
+    parts = path.parts[1:] if path.parts[:1] == ("models",) else path.parts
+    candidate = shipped("models").joinpath(*parts) if parts else path
+    return candidate if candidate.exists() and ".." not in parts else path
+
+
+def model_file(class_name: str) -> Path:
+    """``fmu_src/feed_drive.py`` for ``FeedDrive``."""
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", class_name).lower()
+    return shipped("fmu_src") / f"{words}.py"
+
+
+def model_files() -> list[Path]:
+    """The shipped models, in the order of their names."""
+    return sorted(path for path in shipped("fmu_src").glob("*.py") if not path.name.startswith("_"))
+
+
+def locate_fmu(flavor: str, source: str, base: Path) -> Path:
+    """The FMU beside the system where there is one, else the one of this name built from ``fmu_src``.
+
+    Raises:
+        cosim.SystemStructureError: there is neither.
+    """
+    path = base / source
+    if path.is_file():
+        return path
+    model = model_file(path.stem)
+    if path.suffix == ".fmu" and model.is_file():
+        return cached_fmu(model, flavor)
+    known = ["".join(word.capitalize() for word in one.stem.split("_")) for one in model_files()]
+    raise cosim.SystemStructureError(f"FMU {source!r} is not in {base}, and no shipped model is called {path.stem!r}"
+                                     f"{nearest(path.stem, known)}")

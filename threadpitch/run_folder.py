@@ -1,0 +1,88 @@
+"""What a simulation leaves on disk and as JSON: trace, pitch table, the tables as text, the result document."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from threadpitch.lathe import Pass, Simulation
+from threadpitch.tables import pass_text, pitch_record, start_angles_deg
+from threadpitch.units import from_si
+
+FILES = ("trace.csv", "pitch.csv", "tables.txt", "result.json")
+HEADER = ("calculator", "pass", "start_number", "start_angle_deg", "n", "pitch_mm", "deviation_um", "in_metal")
+
+
+def run_document(simulation: Simulation) -> dict[str, object]:
+    """The result as a JSON document: passes with P(n) in mm per start angle (null where a turn is missing), counts."""
+    return {
+        "passes": [_pass_record(one) for one in simulation.passes],
+        "steps": simulation.steps,
+        "simulated_s": float(simulation.time[-1] - simulation.time[0]),
+        "wall_s": simulation.wall_time,
+        "flavor": simulation.flavor,
+    }
+
+
+def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
+    """Write ``trace.csv``, ``pitch.csv``, ``tables.txt`` and ``result.json`` into a folder (made if need be).
+
+    All are written beside it first, so that the folder never holds half of a run; of a former run in the folder the
+    files of these names are replaced, others stay.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    folder = Path(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(f"{folder} is a file; choose another folder with --output")
+    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    try:
+        simulation.result.save(temporary)
+        _write_pitches(simulation, temporary / "pitch.csv")
+        text = "\n".join(pass_text(one) for one in simulation.passes)
+        (temporary / "tables.txt").write_text(text, encoding="utf-8")
+        (temporary / "result.json").write_text(json.dumps(run_document(simulation), indent=1) + "\n", encoding="utf-8")
+        temporary.chmod(0o755)  # mkdtemp makes folders that only their owner can enter
+        if not folder.exists():
+            os.replace(temporary, folder)
+        else:
+            for name in FILES:
+                os.replace(temporary / name, folder / name)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return [folder / name for name in FILES]
+
+
+def _pass_record(one: Pass) -> dict[str, object]:
+    record: dict[str, object] = {"pass": one.number, "start_number": one.start_number, **pitch_record(one.table)}
+    if one.effective is not None:
+        for name, values in (("min", one.effective.minimum), ("max", one.effective.maximum),
+                             ("mean", one.effective.mean)):
+            record[f"effective_{name}_mm"] = [None if math.isnan(value) else from_si(float(value), "mm")
+                                              for value in values]
+    return record
+
+
+def _write_pitches(simulation: Simulation, path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(HEADER)
+        for calculator in simulation.calculators:
+            for one in simulation.passes_of(calculator):
+                writer.writerows((calculator, *row) for row in _rows(one))
+
+
+def _rows(one: Pass) -> Iterator[tuple[object, ...]]:
+    for row, angle in enumerate(start_angles_deg(one.table)):
+        for turn, pitch in enumerate(one.table.pitch[row].tolist()):
+            if not math.isnan(pitch):
+                yield (one.number, one.start_number, angle, turn + 1, from_si(pitch, "mm"),
+                       from_si(float(one.deviation[row, turn]), "um"), int(one.in_metal[row, turn]))
