@@ -1,6 +1,6 @@
 """Speed of `thread_pitch` against copying its two arrays, and of reading a log.
 
-    python tests/benchmarks/bench_thread_pitch.py [samples]
+    python -m tests.benchmarks.bench_thread_pitch [samples]
 
 Every sample is checked (NaN, reversal). The runs are interleaved and the best of each is taken, because other work on
 the machine only makes a run slower.

@@ -153,6 +153,11 @@ def _add_variable(variables: Element, scalar: Scalar) -> None:
     if has_start(variable):
         attributes["start"] = _number(variable.start, variable.kind)
     SubElement(element, _ELEMENTS[variable.kind], attributes)
+    if variable.choices:  # an Integer, because importers leave Enumerations out; the names are for our own master
+        tool = SubElement(SubElement(element, "Annotations"), "Tool", {"name": "threadpitch"})
+        choices = SubElement(tool, "Choices")
+        for name, number in variable.choices.items():
+            SubElement(choices, "Choice", {"name": name, "value": str(number)})
 
 
 def _add_structure(root: Element, model: Model, all_scalars: tuple[Scalar, ...]) -> None:

@@ -1,0 +1,43 @@
+"""What can go wrong in co-simulation: one family of exceptions, whose messages are one line each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from threadpitch.cosim.recording import Result
+
+
+class CosimError(ValueError):
+    """A co-simulation cannot be prepared or continued; the message says what, where and how to mend it."""
+
+
+class StepError(CosimError):
+    """A component could not be computed.
+
+    ``component`` and ``time`` [s] tell where, ``status`` is "discard", "error", "fatal" or "nan"; the master adds
+    ``result``, what was recorded before (None where nothing was).
+    """
+
+    def __init__(self, message: str, component: str, time: float, status: str) -> None:
+        super().__init__(message, component, time, status)  # all of them: errors travel between processes
+        self.message = message
+        self.component = component
+        self.time = time
+        self.status = status
+        self.result: Result | None = None
+
+    def __str__(self) -> str:
+        return self.message
+
+
+class SimulationInterrupted(KeyboardInterrupt):
+    """Ctrl-C ended a run between two steps; everything is freed. ``result`` is what was recorded until then."""
+
+    def __init__(self, time: float) -> None:
+        super().__init__(time)
+        self.time = time
+        self.result: Result | None = None
+
+    def __str__(self) -> str:
+        return f"interrupted at t = {self.time:.9g} s"
