@@ -46,8 +46,9 @@ class PitchCalculator:
     pitch_mean: list[float] = output("m", "Mean P(n) of this pass", display="mm", size=8, discrete=True)
     deviation: list[float] = output("m", "P(n) - pitch_target; 0 before the first whole turn", display="um", size=8,
                                     discrete=True)
-    crossing_position: list[float] = output("m", "xi where the newest turn was completed", display="mm", size=8,
-                                            discrete=True)
+    crossing_position: list[float] = output("m", "xi at the newest crossing of the start angle", display="mm",
+                                            size=8, discrete=True)
+    crossing_time: list[float] = output("s", "Time of the newest crossing of the start angle", size=8, discrete=True)
     completed: list[int] = output("1", "Turns completed in this step", start=0, size=8, min=0, max=8, discrete=True)
     completed_pitch: list[float] = output("m", "P of the turns completed in this step: start angle i (from 1), turn j "
                                                "of the step (from 1) at 8 (i - 1) + j", display="mm", size=64,
@@ -78,6 +79,8 @@ class PitchCalculator:
     direction: float = state("1", "Direction of the cut of this pass, 0 while not known", discrete=True)
     was_threading: bool = state("1", "Threading at the former communication point", start=False)
     former_angle: float = state("rad", "Furthest angle so far", display="deg", discrete=True)
+    former_time: float = state("s", "Time of the former communication point, or when threading began", discrete=True)
+    step_end: float = state("s", "End of the newest step", discrete=True)
     former_position: float = state("m", "Newest position at the furthest angle", display="mm", discrete=True)
     first_crossing: list[float] = state("rad", "First angle theta_S + 2 pi k since threading began", display="deg",
                                         size=8, discrete=True)
@@ -99,6 +102,8 @@ class PitchCalculator:
         self.former_position = self.feed_position
         self.was_threading = self.threading
         self.step_samples = 0
+        self.former_time = 0.0
+        self.step_end = 0.0
         self._restart(self.spindle_angle)
 
     def step(self, time: float, step_size: float) -> int:
@@ -106,9 +111,12 @@ class PitchCalculator:
         for i in range(ANGLES):
             self.completed[i] = 0
         self.step_samples = 0
+        self.former_time = time
+        self.step_end = time + step_size
         if self.threading and not self.was_threading:
             edge = self._edge()
             if edge > self.former_angle and edge < self.spindle_angle:
+                self.former_time = self._time_at(edge)
                 self.former_angle = edge  # the feed stands still until threading begins
             self._restart(edge)
         result = 0
@@ -144,6 +152,13 @@ class PitchCalculator:
         share = (angle - self.former_angle) / (self.spindle_angle - self.former_angle)
         return self.former_position + (self.feed_position - self.former_position) * share
 
+    def _time_at(self, angle: float) -> float:
+        """Time at an angle of this step, the spindle turning evenly."""
+        if self.spindle_angle <= self.former_angle:
+            return self.step_end
+        share = (angle - self.former_angle) / (self.spindle_angle - self.former_angle)
+        return self.former_time + (self.step_end - self.former_time) * share
+
     def _restart(self, edge: float) -> None:
         """A new pass: every start angle waits for its first crossing at or after the edge."""
         self.threading_start = edge
@@ -167,6 +182,7 @@ class PitchCalculator:
             self.deviation[i] = 0.0
             self.completed[i] = 0
             self.crossing_position[i] = 0.0
+            self.crossing_time[i] = 0.0
 
     def _advance(self) -> int:
         """Every start angle's crossings up to the new angle, then the samples; a count is not late by rounding."""
@@ -175,6 +191,7 @@ class PitchCalculator:
             if self.spindle_angle - self._next_crossing(i) >= TURN * TURNS_A_STEP:
                 return 1
             while self._next_crossing(i) <= reached:
+                self.crossing_time[i] = self._time_at(self._next_crossing(i))
                 self._cross(i, self._position_at(self._next_crossing(i)))
         passed = floor((self.spindle_angle - self.threading_start) / self.sample_interval + NEAR) + 1
         if passed - self.sample_count > SAMPLES_A_STEP:

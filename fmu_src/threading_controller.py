@@ -108,7 +108,8 @@ class ThreadingController:
                                    display="ms", min=-1.0, max=1.0)
     age_compensation: bool = parameter("1", "Compensate command_age by the measured speed", start=True)
     period: float = parameter("s", "Control period", start=1e-3, display="us", min=1e-5, max=0.1)
-    in_position: float = parameter("m", "Distance from z_end at which the exponential stop is over", start=1e-6, display="um", min=1e-12)
+    in_position: float = parameter("m", "Distance from z_end at which the exponential stop is over", start=1e-6,
+                                   display="um", min=1e-12)
 
     next_instant: float = state("1", "Number k of the next instant k * period, -1 before the first step", start=-1.0,
                                 discrete=True)

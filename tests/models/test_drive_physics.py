@@ -254,9 +254,12 @@ def test_calculator_finds_where_threading_began_inside_the_step() -> None:
     calculator.spindle_angle = 101.0
     assert calculator.step(0.0, 1e-3) == 0
     assert calculator.threading_start == pytest.approx(edge, abs=1e-12)
+    assert calculator.crossing_time[0] == pytest.approx(3e-4)
     calculator.spindle_angle, calculator.feed_position = edge + TURN + 0.1, 1.0
     assert calculator.step(1e-3, 1e-3) == 0
     assert calculator.revolution[0] == 1
+    share = (edge + TURN - 101.0) / (edge + TURN + 0.1 - 101.0)
+    assert calculator.crossing_time[0] == pytest.approx(1e-3 + 1e-3 * share)
 
 
 def test_calculator_ignores_jitter_backwards() -> None:

@@ -76,9 +76,9 @@ def test_sampled_loop_is_the_same_for_any_communication_step(step_size: float) -
 
 
 def test_ripple_swings_the_speed_at_its_order() -> None:
-    """J domega/dt = A sin(q theta): amplitude of the speed A / (q omega |J j q omega + Kp + Ki / (j q omega)|) q omega."""
-    parameters = {"ripple_amplitude": [1.0, 0.0, 0.0, 0.0], "ripple_order": [5.0, 1.0, 1.0, 1.0]}
-    spindle = SpindleDrive(initial_speed=500 * RPM, **parameters)  # type: ignore[arg-type] # lists of floats
+    """A torque A sin(w t) on the closed loop: amplitude of the speed A / |J j w + Kp + Ki / (j w)|."""
+    spindle = SpindleDrive(initial_speed=500 * RPM, ripple_amplitude=[1.0, 0.0, 0.0, 0.0],
+                           ripple_order=[5.0, 1.0, 1.0, 1.0])
     spindle.initialize()
     spindle.speed_command = 500 * RPM
     speeds = []

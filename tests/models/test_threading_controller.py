@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -123,7 +124,8 @@ def test_waits_for_the_speed() -> None:
 
 def test_stops_at_the_end_then_retracts_then_returns() -> None:
     lathe = Lathe(merged(IDEAL_DRIVE, {"controller": {"acceleration_limit": 2.0}}))
-    phases, ends = [], []
+    phases: list[int] = []
+    ends: list[float] = []
     for n in range(4000):
         lathe.step(n * 1e-3, 1e-3)
         if not phases or phases[-1] != lathe.controller.phase:
@@ -176,7 +178,7 @@ def test_positive_direction_cuts_a_left_hand_thread_the_other_way() -> None:
 
 
 @pytest.mark.parametrize(("parameters", "error"), [({"z_start": 0.0, "z_end": 0.0}, 1), ({"starts": 2, "start": 3}, 2)])
-def test_parameters_that_make_no_thread_are_refused(parameters: dict[str, float], error: int) -> None:
+def test_parameters_that_make_no_thread_are_refused(parameters: dict[str, Any], error: int) -> None:
     assert ThreadingController(**parameters).check() == error
 
 
