@@ -4,9 +4,13 @@ from dataclasses import dataclass
 from math import floor, pi, sqrt
 
 from threadpitch.fmu.elementary import sin
-from threadpitch.fmu.variable import Experiment, input_, output, parameter, state
+from threadpitch.fmu.variable import Experiment, Terminal, input_, output, parameter, state
 
 EXPERIMENT = Experiment(stop_time=2.0, step_size=1e-3)
+TERMINALS = (
+    Terminal("axis", {"command": "position_command", "measured_position": "measured_position"}, "The control's side"),
+    Terminal("tool", {"position": "position", "velocity": "velocity", "force": "load_force"}, "The process's side"),
+)
 ERRORS = {
     1: "the drive's motion is no longer finite: choose a smaller internal_step or lower gains",
     2: "internal_step must not be longer than velocity_period",
@@ -44,12 +48,13 @@ class FeedDrive:
     """
 
     position_command: float = input_("m", "Commanded position", display="mm")
-    load_force: float = input_("N", "Force of the cutting process against the positive direction")
+    load_force: float = input_("N", "Force of the cutting process against the positive direction",
+                               derivatives=("load_force_rate", "load_force_curvature"))
 
-    position: float = output("m", "True position of the tool", display="mm")
+    position: float = output("m", "True position of the tool", display="mm", derivative="velocity")
     velocity: float = output("m/s", "True velocity of the tool", display="mm/s")
     measured_position: float = output("m", "Position xi from the detector", display="mm")
-    motor_angle: float = output("rad", "Motor angle theta'", display="deg")
+    motor_angle: float = output("rad", "Motor angle theta'", display="deg", derivative="motor_speed")
     following_error: float = output("m", "Fine-interpolated command less detected position", display="um")
     torque: float = output("N.m", "Motor torque; zero for a linear motor")
     motor_force: float = output("N", "Motor force at the table, of a ball screw torque / r")
@@ -117,6 +122,9 @@ class FeedDrive:
     initial_position: float = parameter("m", "Position at the start, at rest", start=0.0, display="mm")
 
     motor_speed: float = state("rad/s", "Motor speed omega", display="rpm")
+    load_force_rate: float = state("N/s", "First time derivative of load_force at the beginning of the step")
+    load_force_curvature: float = state("N/s2", "Second time derivative of load_force at the beginning of the step")
+    elapsed: float = state("s", "Time since the beginning of the step")
     force_command: float = state("N", "Held output of the velocity loop", discrete=True)
     velocity_command: float = state("m/s", "Held output of the position loop", display="mm/s", discrete=True)
     velocity_integral: float = state("m/s", "Integral part I of the velocity loop", discrete=True)
@@ -172,6 +180,7 @@ class FeedDrive:
         if self.next_sample < 0.0:
             self.next_sample = -1.0 * floor(SAME_INSTANT - time / self.velocity_period)
         now = time
+        self.elapsed = 0.0
         while now < end - near:
             if self.next_sample * self.velocity_period <= now + near:
                 self._sample()
@@ -305,14 +314,18 @@ class FeedDrive:
 
     def _accelerations(self, angle: float, speed: float, position: float, velocity: float,
                        force: float) -> tuple[float, float]:
-        """(omega', v') of the state (theta, omega, x, v, F); F is the motor's force at the table, torque / r."""
+        """(omega', v' + F_load / m) of the state (theta, omega, x, v, F); F is the motor's force at the table."""
         if self.drive_type == BALL_SCREW:
             axial = self._axial_force(angle, speed, position, velocity)
             turning = (self._radius() * (force - axial) - self.motor_friction * speed) / self.motor_inertia
         else:
             axial = force
             turning = 0.0
-        return turning, (axial - self._friction(velocity) - self.load_force) / self.table_mass
+        return turning, (axial - self._friction(velocity)) / self.table_mass
+
+    def _load_at(self, elapsed: float) -> float:
+        """F_load as the importer extrapolates it inside the step."""
+        return self.load_force + elapsed * (self.load_force_rate + 0.5 * elapsed * self.load_force_curvature)
 
     def _integrate(self, interval: float) -> bool:
         """Runge-Kutta of order 4 in ceil(interval / internal_step) equal steps; False when the motion runs away."""
@@ -320,6 +333,7 @@ class FeedDrive:
         h = interval / count
         for _ in range(count):
             self._runge_kutta(h)
+            self.elapsed = self.elapsed + h
             if not (abs(self.velocity) < RUNAWAY and abs(self.motor_speed * self._radius()) < RUNAWAY):
                 return False
         return True
@@ -333,23 +347,30 @@ class FeedDrive:
         f1 = self.motor_force
         rate = 1.0 / self.torque_time_constant
         half = 0.5 * h
+        slow1 = self._load_at(self.elapsed) / self.table_mass
+        slow2 = self._load_at(self.elapsed + half) / self.table_mass
+        slow4 = self._load_at(self.elapsed + h) / self.table_mass
 
         dw1, dv1 = self._accelerations(a1, w1, x1, v1, f1)
         df1 = rate * (self.force_command - f1)
         w2 = w1 + half * dw1
+        dv1 = dv1 - slow1
         v2 = v1 + half * dv1
         f2 = f1 + half * df1
         dw2, dv2 = self._accelerations(a1 + half * w1, w2, x1 + half * v1, v2, f2)
         df2 = rate * (self.force_command - f2)
         w3 = w1 + half * dw2
+        dv2 = dv2 - slow2
         v3 = v1 + half * dv2
         f3 = f1 + half * df2
         dw3, dv3 = self._accelerations(a1 + half * w2, w3, x1 + half * v2, v3, f3)
         df3 = rate * (self.force_command - f3)
         w4 = w1 + h * dw3
+        dv3 = dv3 - slow2
         v4 = v1 + h * dv3
         f4 = f1 + h * df3
         dw4, dv4 = self._accelerations(a1 + h * w3, w4, x1 + h * v3, v4, f4)
+        dv4 = dv4 - slow4
         df4 = rate * (self.force_command - f4)
 
         sixth = h / 6.0

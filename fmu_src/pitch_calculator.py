@@ -3,9 +3,16 @@
 from dataclasses import dataclass
 from math import floor, pi
 
-from threadpitch.fmu.variable import Experiment, input_, output, parameter, state
+from threadpitch.fmu.variable import Clock, Experiment, Terminal, input_, output, parameter, state
 
 EXPERIMENT = Experiment(stop_time=4.0, step_size=1e-3)
+CLOCKS = (
+    Clock("revolution_clock", ticks="completed", description="A revolution of the first start angle was completed"),
+)
+TERMINALS = (
+    Terminal("cut", {"angle": "spindle_angle", "position": "feed_position", "threading": "threading",
+                     "threading_angle": "threading_angle"}, "Spindle and feed"),
+)
 ERRORS = {
     1: "more than 8 turns in one communication step: choose a smaller step size",
     2: "more than 72 samples in one communication step: choose a smaller step size or a larger sample_interval",

@@ -4,9 +4,14 @@ from dataclasses import dataclass
 from math import floor, pi, sqrt
 
 from threadpitch.fmu.elementary import sin
-from threadpitch.fmu.variable import Experiment, input_, output, parameter, state
+from threadpitch.fmu.variable import Experiment, Terminal, input_, output, parameter, state
 
 EXPERIMENT = Experiment(stop_time=2.0, step_size=1e-3)
+TERMINALS = (
+    Terminal("detector", {"angle": "encoder_angle", "count": "encoder_count", "index_count": "index_count",
+                          "index_latch": "index_latch"}, "What the control sees of the spindle"),
+    Terminal("shaft", {"angle": "angle", "speed": "speed", "torque": "load_torque"}, "Spindle nose"),
+)
 ERRORS = {
     1: "the spindle's speed or angle is no longer finite: choose a smaller internal_step or a lower speed_gain",
     2: "internal_step must not be longer than loop_period",
@@ -37,9 +42,11 @@ class SpindleDrive:
     """
 
     speed_command: float = input_("rad/s", "Commanded spindle speed", display="rpm")
-    load_torque: float = input_("N.m", "Load torque of the cutting process, braking when positive")
+    load_torque: float = input_("N.m", "Load torque of the cutting process, braking when positive",
+                                derivatives=("load_torque_rate", "load_torque_curvature"))
 
-    angle: float = output("rad", "True spindle angle, continuous, counted up in the turning direction", display="deg")
+    angle: float = output("rad", "True spindle angle, continuous, counted up in the turning direction", display="deg",
+                           derivative="speed")
     speed: float = output("rad/s", "True spindle speed", display="rpm")
     torque: float = output("N.m", "Motor torque without its ripple")
     encoder_angle: float = output("rad", "Detected spindle angle, quantised, counted from the one-turn pulse",
@@ -85,6 +92,10 @@ class SpindleDrive:
     eccentricity_phase: float = parameter("rad", "Phase of the detector's error", start=0.0, display="deg")
     index_angle: float = parameter("rad", "Detected angle at which the one-turn pulse fires", start=0.0, display="deg")
 
+    load_torque_rate: float = state("N.m/s", "First time derivative of load_torque at the beginning of the step")
+    load_torque_curvature: float = state("N.m/s2", "Second time derivative of load_torque at the beginning of the "
+                                                   "step")
+    elapsed: float = state("s", "Time since the beginning of the step")
     speed_integral: float = state("N.m", "Integral part I of the speed loop")
     torque_command: float = state("N.m", "Held output of the speed loop", discrete=True)
     next_sample: float = state("1", "Number k of the next instant k * loop_period of the speed loop, -1 before the "
@@ -131,6 +142,7 @@ class SpindleDrive:
         if self.next_sample < 0.0:
             self.next_sample = -1.0 * floor(SAME_INSTANT - time / self.loop_period)
         now = time
+        self.elapsed = 0.0
         while now < end - near:
             if self.next_sample * self.loop_period <= now + near:
                 self._speed_loop()
@@ -165,9 +177,13 @@ class SpindleDrive:
         if wanted == self.torque_command or (wanted - self.torque_command) * error < 0.0:
             self.speed_integral = self.speed_integral + self.integral_gain * self.loop_period * error
 
-    def _acceleration(self, angle: float, speed: float) -> float:
+    def _load_at(self, elapsed: float) -> float:
+        """T_load as the importer extrapolates it inside the step."""
+        return self.load_torque + elapsed * (self.load_torque_rate + 0.5 * elapsed * self.load_torque_curvature)
+
+    def _acceleration(self, angle: float, speed: float, load: float) -> float:
         """(T + sum_i A_i sin(q_i theta + phi_i) - T_friction - T_load) / J."""
-        torque = self.torque_command - self.load_torque - self._friction(speed) - self.viscous_friction * speed
+        torque = self.torque_command - load - self._friction(speed) - self.viscous_friction * speed
         for i in range(RIPPLES):
             if self.ripple_amplitude[i] != 0.0:
                 torque = torque + self.ripple_amplitude[i] * sin(self.ripple_order[i] * angle + self.ripple_phase[i])
@@ -180,13 +196,15 @@ class SpindleDrive:
         for _ in range(count):
             angle = self.angle
             speed = self.speed
-            a1 = self._acceleration(angle, speed)
+            middle = self._load_at(self.elapsed + 0.5 * h)
+            a1 = self._acceleration(angle, speed, self._load_at(self.elapsed))
             v2 = speed + 0.5 * h * a1
-            a2 = self._acceleration(angle + 0.5 * h * speed, v2)
+            a2 = self._acceleration(angle + 0.5 * h * speed, v2, middle)
             v3 = speed + 0.5 * h * a2
-            a3 = self._acceleration(angle + 0.5 * h * v2, v3)
+            a3 = self._acceleration(angle + 0.5 * h * v2, v3, middle)
             v4 = speed + h * a3
-            a4 = self._acceleration(angle + h * v3, v4)
+            self.elapsed = self.elapsed + h
+            a4 = self._acceleration(angle + h * v3, v4, self._load_at(self.elapsed))
             self.angle = angle + h / 6.0 * (speed + 2.0 * v2 + 2.0 * v3 + v4)
             self.speed = speed + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
             if not abs(self.speed) < RUNAWAY:

@@ -4,9 +4,15 @@ from dataclasses import dataclass
 from math import floor, pi, sqrt
 
 from threadpitch.fmu.elementary import exp
-from threadpitch.fmu.variable import Experiment, input_, output, parameter, state
+from threadpitch.fmu.variable import Experiment, Terminal, input_, output, parameter, state
 
 EXPERIMENT = Experiment(stop_time=4.0, step_size=1e-3)
+TERMINALS = (
+    Terminal("spindle_detector", {"angle": "spindle_angle", "count": "encoder_count", "index_count": "index_count",
+                                  "index_latch": "index_latch"}, "The spindle's detector"),
+    Terminal("z_axis", {"command": "z_command", "measured_position": "z_position"}, "The Z axis"),
+    Terminal("x_axis", {"command": "x_command", "measured_position": "x_position"}, "The X axis"),
+)
 ERRORS = {
     1: "z_end equals z_start: the thread has no length",
     2: "start must not be larger than starts",
@@ -17,6 +23,7 @@ HISTORY = 65
 PERIODS_A_STEP = 64
 SAME_INSTANT = 1e-6  # of a period: instants closer than this are one
 ROUNDING = 1e-12  # m
+MOST_PERIODS = 1e9  # of a stop; more is no machine's
 ABSOLUTE = 0
 PULSE_GENERATOR = 1
 EXPONENTIAL = 0
@@ -80,12 +87,15 @@ class ThreadingController:
     start: int = parameter("1", "Number of the start to cut, from 1", start=1, min=1, max=100)
     first_start_angle: float = parameter("rad", "Spindle angle of the first start from the one-turn pulse (Q)",
                                          start=0.0, display="deg", min=0.0, max=6.283185307179587)
-    z_start: float = parameter("m", "Z where the feed starts", start=0.006, display="mm")
-    z_end: float = parameter("m", "Z where the thread ends", start=-0.030, display="mm")
-    z_face: float = parameter("m", "Z of the workpiece's face, where the metal begins", start=0.0, display="mm")
-    x_clear: float = parameter("m", "X clear of the workpiece, radius", start=0.012, display="mm")
-    x_thread: float = parameter("m", "X of the pass, radius", start=0.0097, display="mm")
-    x_surface: float = parameter("m", "X of the workpiece's surface, radius", start=0.010, display="mm")
+    z_start: float = parameter("m", "Z where the feed starts", start=0.006, display="mm", min=-100.0, max=100.0)
+    z_end: float = parameter("m", "Z where the thread ends", start=-0.030, display="mm", min=-100.0, max=100.0)
+    z_face: float = parameter("m", "Z of the workpiece's face, where the metal begins", start=0.0, display="mm",
+                              min=-100.0, max=100.0)
+    x_clear: float = parameter("m", "X clear of the workpiece, radius", start=0.012, display="mm",
+                               min=-100.0, max=100.0)
+    x_thread: float = parameter("m", "X of the pass, radius", start=0.0097, display="mm", min=-100.0, max=100.0)
+    x_surface: float = parameter("m", "X of the workpiece's surface, radius", start=0.010, display="mm",
+                                 min=-100.0, max=100.0)
     commanded_speed: float = parameter("rad/s", "Spindle speed for threading (S)", start=52.35987755982989,
                                        display="rpm", min=1e-3, max=5000.0)
     speed_tolerance: float = parameter("1", "Largest deviation of a speed that counts as reached", start=0.02,
@@ -333,8 +343,8 @@ class ThreadingController:
     def _catching_velocity(self, moved: float, target: float) -> float:
         """Time-optimal: the line's velocity and as much more as can still be taken away in time.
 
-        A distance r is closed by u, u - aT, u - 2aT, ... with u = -aT/2 + sqrt((aT/2)^2 + 2 a r), from r < a T^2 on by
-        r / T; then the command is on the line and stays there.
+        The distance is closed by u, u - aT, u - 2aT, ... (``_stopping_velocity``); after the last of them the command
+        is on the line and stays there.
         """
         line = (target - self.former_target) / self.period
         behind = self.former_target - moved
@@ -358,11 +368,13 @@ class ThreadingController:
         return max(velocity - change, min(velocity + change, wanted))
 
     def _stopping_velocity(self, distance: float) -> float:
-        """Largest velocity from which acceleration_limit stops within the distance, in whole periods."""
+        """u with T (u + (u - aT) + (u - 2aT) + ...) = distance, the terms that are positive: k of them.
+
+        k (k - 1) / 2 <= distance / (a T^2) <= k (k + 1) / 2,  u = distance / (k T) + a T (k - 1) / 2
+        """
         change = self.acceleration_limit * self.period
-        if distance <= change * self.period:
-            return max(0.0, distance / self.period)
-        return -0.5 * change + sqrt(0.25 * change * change + 2.0 * self.acceleration_limit * distance)
+        k = 1.0 + floor(min(MOST_PERIODS, 0.5 * (sqrt(1.0 + 8.0 * max(0.0, distance) / (change * self.period)) - 1.0)))
+        return max(0.0, distance) / (k * self.period) + 0.5 * change * (k - 1.0)
 
     def _close_gate(self) -> None:
         """The thread is cut: the feed leaves the spindle's lead."""

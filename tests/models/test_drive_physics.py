@@ -218,6 +218,27 @@ def test_torque_limit_holds_and_does_not_wind_up() -> None:
     assert positions[-1] == pytest.approx(0.010, abs=1e-6)
 
 
+def test_load_is_extrapolated_inside_the_step() -> None:
+    """F(t) = 800 sin(60 t): held for 1 ms it errs by first order, with two derivatives by third."""
+    def positions(step_size: float, orders: int) -> Array:
+        drive = FeedDrive(encoder_counts=0.0)
+        drive.initialize()
+        found = []
+        for n in range(round(0.2 / step_size)):
+            phase = 60.0 * n * step_size
+            drive.load_force = 800.0 * math.sin(phase)
+            drive.load_force_rate = 800.0 * 60.0 * math.cos(phase) if orders > 0 else 0.0
+            drive.load_force_curvature = -800.0 * 3600.0 * math.sin(phase) if orders > 1 else 0.0
+            assert drive.step(n * step_size, step_size) == 0
+            found.append(drive.position)
+        return np.array(found)[round(1e-3 / step_size) - 1::round(1e-3 / step_size)]
+
+    reference = positions(1.25e-4, 2)
+    errors = [float(np.abs(positions(1e-3, orders) - reference).max()) for orders in (0, 1, 2)]
+    assert errors[1] < errors[0] / 20
+    assert errors[2] < errors[1] / 20
+
+
 def test_calculator_keeps_every_turn_of_a_large_step() -> None:
     calculator = PitchCalculator(**start_angles(0.0, 45.0), sample_interval=math.pi / 4)
     calculator.initialize()
