@@ -17,6 +17,7 @@ FLOORS = (
     {"report", "run_folder"},
     {"serve"},
     {"cli"},
+    {"__main__"},
 )
 FLOOR_OF = {name: number for number, floor in enumerate(FLOORS) for name in floor}
 DECLARATION = {"threadpitch.fmu.variable", "threadpitch.fmu.elementary"}

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import math
+import os
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -19,57 +22,72 @@ from threadpitch.cosim.values import Given
 from threadpitch.fmu import BuildError, ModelError
 from threadpitch.parameters import ParameterFileError, read_assignments, read_parameters
 from threadpitch.pitch import PitchError, pitch_tables
-from threadpitch.run_folder import run_document, save_run
+from threadpitch.run_folder import check_folder, run_document, save_run
 from threadpitch.system_archive import build_models, build_system
-from threadpitch.tables import analysis_document, show_groups, show_pass
+from threadpitch.tables import analysis_document, printable, show_groups, show_pass
 from threadpitch.trace import ColumnChoice, TraceError
 from threadpitch.units import UnitError
 
 BAD_INPUT = 2
 INTERRUPTED = 130
+CLOSED_PIPE = 1
 DEFAULT_OUTPUT = "threadpitch-run"
 _KNOWN_ERRORS = (cosim.CosimError, lathe.LatheError, BuildError, ModelError, ParameterFileError, PitchError, TraceError,
                  UnitError, OSError)
-_NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 # Options that take several values, and what a value looks like
-_SEVERAL = {"--start-angle": _NUMBER, "--set": r"[^-=][^=]*=.*"}
+_SEVERAL = {"--start-angle": r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", "--set": r"[^-=][^=]*=.*"}
+
+
+def _number(text: str) -> float:
+    """The finite number that a text states."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a number; write it like 0.5") from None
+    if not math.isfinite(value):
+        raise typer.BadParameter(f"{text!r} is not finite; give a number like 0.5")
+    return value
+
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
+                  context_settings={"help_option_names": ["-h", "--help"]},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
 
 StartAngles = Annotated[list[float] | None, typer.Option(
-    "--start-angle", metavar="DEG ...", help="Start angles theta_S in degrees, several after one another.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output (mm, degrees, s).")]
+    "--start-angle", metavar="DEG ...", parser=_number,
+    help="Start angles theta_S in degrees, several after one another.")]
+AsJson = Annotated[bool, typer.Option(
+    "--json", metavar="", help="Print one JSON document on standard output (mm, degrees, s).")]
 
 
 @app.command()
 def run(
-    system: Annotated[str, typer.Argument(help="Folder with SystemStructure.ssd, an .ssd or an .ssp.")]
-    = lathe.DEFAULT_SYSTEM,
+    system: Annotated[str, typer.Argument(
+        metavar="SYSTEM", help="Folder with SystemStructure.ssd, an .ssd or an .ssp.")] = lathe.DEFAULT_SYSTEM,
     assignments: Annotated[list[str] | None, typer.Option(
-        "--set", metavar="COMPONENT.VARIABLE=VALUE", help="Set a value: SI, or with a unit such as 10mm, 300rpm, "
-                                                          "45deg; choices by name.")] = None,
+        "--set", metavar="NAME=VALUE ...", help="Set component.variable, several after one another: SI, or with a "
+                                                "unit such as 10mm, 300rpm, 45deg; choices by name.")] = None,
     parameters: Annotated[list[Path] | None, typer.Option(
         metavar="FILE", help="Parameter file: .ssv, .toml or .json; --set wins over it.")] = None,
     start_angle: StartAngles = None,
-    stop_time: Annotated[float | None, typer.Option(metavar="S", help="Stop time in s. (default: of the system)")]
-    = None,
+    stop_time: Annotated[float | None, typer.Option(
+        metavar="S", parser=_number, help="Stop time in s.", show_default="of the system")] = None,
     step_size: Annotated[float | None, typer.Option(
-        metavar="S", help="Communication step in s. (default: what the FMUs recommend)")] = None,
-    flavor: Annotated[str, typer.Option(help="Kind of FMUs that are built: python.")] = lathe.DEFAULT_FLAVOR,
+        metavar="S", parser=_number, help="Communication step in s.", show_default="what the FMUs recommend")] = None,
+    flavor: Annotated[str, typer.Option(metavar="NAME", help="Kind of FMUs that are built: python.")]
+    = lathe.DEFAULT_FLAVOR,
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trace.csv, pitch.csv, tables.txt and "
                                                              "result.json.")] = Path(DEFAULT_OUTPUT),
     as_json: AsJson = False,
 ) -> None:
     """Simulate a lathe that cuts a thread, and print the movement per revolution."""
+    check_folder(output)
     values: dict[str, Given] = {}
     for file in parameters or []:
         values |= read_parameters(file)
     values |= read_assignments(assignments or [])
     angles = None if start_angle is None else _radians(start_angle)
-    if output.exists() and not output.is_dir():
-        _fail(f"{output} is a file; choose another folder with --output")
     try:
         with _progress("simulating") as progress:
             simulation = lathe.simulate(system, parameters=values, start_angles=angles, stop_time=stop_time,
@@ -79,25 +97,29 @@ def run(
     if simulation.calculators and not simulation.passes:
         _fail(simulation.why_no_turn())
     saved = save_run(simulation, output)
-    if as_json:
-        _print_json(run_document(simulation))
-    else:
-        _show(simulation, saved)
+    with _printing():
+        if as_json:
+            _print_json(run_document(simulation))
+        else:
+            _show(simulation, saved)
+    for warning in simulation.result.warnings:
+        _complain(f"warning: {warning}")
 
 
 @app.command()
 def analyze(
-    log: Annotated[Path, typer.Argument(help="Log of a machine: CSV, plain or .gz.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log of a machine: CSV, plain or .gz.")],
     angle: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the spindle's angle.")],
     position: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the feed's position.")],
     angle_unit: Annotated[str, typer.Option(metavar="rev|deg|rad|count", help="Unit of the angle.")] = "rev",
     position_unit: Annotated[str, typer.Option(metavar="mm|m|um|inch", help="Unit of the position.")] = "mm",
     counts_per_turn: Annotated[float | None, typer.Option(
-        metavar="N", help="Counts per turn, for --angle-unit count: lines of the encoder times 4.")] = None,
+        metavar="N", parser=_number,
+        help="Counts per turn, for --angle-unit count: lines of the encoder times 4.")] = None,
     group: Annotated[str | None, typer.Option(
         metavar="COLUMN", help="Column that parts the passes; rows with 0, false or nothing in it are left out.")]
     = None,
-    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of the time. (default: by its name)")]
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of the time.", show_default="by its name")]
     = None,
     start_angle: StartAngles = None,
     as_json: AsJson = False,
@@ -105,56 +127,66 @@ def analyze(
     """Movement per revolution of every pass in a machine's log."""
     choice = ColumnChoice(angle, position, angle_unit, position_unit, group, time, counts_per_turn)
     groups = pitch_tables(log, choice, _radians(start_angle or [0.0]))
-    if as_json:
-        _print_json(analysis_document(groups))
-    else:
-        show_groups(Console(), groups)
+    with _printing():
+        if as_json:
+            _print_json(analysis_document(groups))
+        else:
+            show_groups(Console(), groups)
 
 
 @app.command()
 def build(
     models: Annotated[list[Path] | None, typer.Argument(
-        metavar="[MODEL.py ...]", help="Model files. (default: all of fmu_src, and the lathe as an .ssp)")] = None,
-    flavor: Annotated[str, typer.Option(help="Kind of FMUs: python.")] = lathe.DEFAULT_FLAVOR,
-    fmi: Annotated[int, typer.Option(help="FMI version: 2.")] = 2,
+        metavar="MODEL.py", help="Model files.", show_default="all of fmu_src, and the lathe as an .ssp")] = None,
+    flavor: Annotated[str, typer.Option(metavar="NAME", help="Kind of FMUs: python.")] = lathe.DEFAULT_FLAVOR,
+    fmi: Annotated[int, typer.Option(metavar="N", help="FMI version: 2.")] = 2,
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the FMUs.")] = Path("fmus"),
 ) -> None:
     """Build FMUs from model files."""
     if fmi != 2:
         _fail(f"FMI {fmi} cannot be built; choose --fmi 2")
-    for path in build_models(models or lathe.model_files(), output, flavor):
-        print(path)
+    if output.exists() and not output.is_dir():
+        _fail(f"{output} is not a folder; choose another folder with --output")
+    built = build_models(models or lathe.model_files(), output, flavor)
     if not models:
-        print(build_system(lathe.DEFAULT_SYSTEM, output, flavor))
+        built.append(build_system(lathe.DEFAULT_SYSTEM, output, flavor))
+    with _printing():
+        print(*built, sep="\n")
 
 
 @app.callback(invoke_without_command=True)
-def _options(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+def _options(version: Annotated[bool, typer.Option(
+        "--version", metavar="", help="Print the version.")] = False) -> None:
     if version:
-        print(f"threadpitch {__version__}")
+        with _printing():
+            print(f"threadpitch {__version__}")
         raise typer.Exit
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave the process: 0, 2 for bad input (one line on standard error), 130 after Ctrl-C."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # file names may hold what the terminal's encoding does not
     sys.exit(invoke(sys.argv[1:] if arguments is None else arguments))
 
 
 def invoke(arguments: Sequence[str]) -> int:
     """The command line's exit status; what is wrong goes to standard error in one line."""
+    # Not app(): what that does with Ctrl-C and closed pipes differs from version to version.
     try:
-        status = app(_one_value_each(arguments), prog_name="threadpitch", standalone_mode=False)
+        with typer.main.get_command(app).make_context("threadpitch", _one_value_each(arguments)) as context:
+            context.command.invoke(context)
+    except typer.Exit as end:
+        return end.exit_code
     except typer.TyperException as error:
-        message = error.format_message()
-        return _say(message or "a command is missing; see threadpitch --help")
-    except typer.Abort:
-        return INTERRUPTED
+        return _complain(_usage(error))
     except _KNOWN_ERRORS as error:
-        return _say(_file_message(error) if isinstance(error, OSError) else str(error))
+        return _complain(_file_message(error) if isinstance(error, OSError) else str(error))
     except KeyboardInterrupt:
-        print("threadpitch: interrupted", file=sys.stderr)
+        _complain("interrupted")
         return INTERRUPTED
-    return status if isinstance(status, int) else 0
+    return 0
 
 
 def _one_value_each(arguments: Sequence[str]) -> list[str]:
@@ -168,7 +200,8 @@ def _one_value_each(arguments: Sequence[str]) -> list[str]:
         if follows and expanded[-1] != option:
             expanded.append(option)
         elif not follows:
-            option = argument if argument in _SEVERAL else ""
+            name = argument.partition("=")[0]
+            option = name if name in _SEVERAL else ""
         expanded.append(argument)
     return expanded
 
@@ -197,17 +230,31 @@ class _progress:  # noqa: N801 -- used as a function: with _progress("simulating
         self._bar.stop()
 
 
+@contextlib.contextmanager
+def _printing() -> Iterator[None]:
+    """While something is printed: whoever reads it may have gone (``| head``), or its disk may be full."""
+    try:
+        yield
+        sys.stdout.flush()
+    except OSError as error:
+        # What is left goes nowhere: Python would write it once more, and complain, when the process ends.
+        with contextlib.suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            raise typer.Exit(CLOSED_PIPE) from None
+        _fail(f"standard output cannot be written ({error.strerror or error})")
+
+
 def _show(simulation: lathe.Simulation, saved: Sequence[Path]) -> None:
     console = Console()
     for one in simulation.passes:
         show_pass(console, one)
+        console.print()
     if not simulation.calculators:
         console.print(simulation.why_no_turn())
     simulated = float(simulation.time[-1] - simulation.time[0])
-    console.print(f"{simulation.steps} steps, {simulated:g} s simulated in {simulation.wall_time:.2f} s with "
-                  f"{simulation.flavor} FMUs; saved: {', '.join(map(str, saved))}", highlight=False, soft_wrap=True)
-    for warning in simulation.result.warnings:
-        print(f"threadpitch: warning: {warning}", file=sys.stderr)
+    print(f"{simulation.steps} steps, {simulated:g} s simulated in {simulation.wall_time:.2f} s with "
+          f"{simulation.flavor} FMUs\nsaved in {saved[0].parent}: {', '.join(path.name for path in saved)}")
 
 
 def _keep(interrupt: cosim.SimulationInterrupted, output: Path, flavor: str) -> NoReturn:
@@ -215,7 +262,7 @@ def _keep(interrupt: cosim.SimulationInterrupted, output: Path, flavor: str) -> 
     kept = ""
     if interrupt.result is not None:
         kept = f"; what was recorded is in {save_run(lathe.Simulation(interrupt.result, flavor), output)[0].parent}"
-    print(f"threadpitch: {interrupt}{kept}", file=sys.stderr)
+    _complain(f"{interrupt}{kept}")
     raise typer.Exit(INTERRUPTED)
 
 
@@ -229,14 +276,18 @@ def _file_message(error: OSError) -> str:
     return f"{error.filename}: {error.strerror.lower()}" if error.filename else error.strerror
 
 
+def _usage(error: typer.TyperException) -> str:
+    """What is wrong with the arguments, and where their help is, unless the message itself tells how to mend it."""
+    message = error.format_message().rstrip(".") or "a command is missing"
+    context = getattr(error, "ctx", None)
+    return message if ";" in message else f"{message}; see {context.command_path if context else 'threadpitch'} --help"
+
+
 def _fail(message: str) -> NoReturn:
     raise lathe.LatheError(message)
 
 
-def _say(message: str) -> int:
-    print(f"threadpitch: {' '.join(message.split())}", file=sys.stderr)
+def _complain(message: str) -> int:
+    """One line on standard error, without control characters that a file may have brought in."""
+    print(f"threadpitch: {printable(' '.join(message.split()))}", file=sys.stderr)
     return BAD_INPUT
-
-
-if __name__ == "__main__":
-    main()

@@ -127,7 +127,7 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         """Rows of every threading pass: from the first that is threading to the last before the next pass."""
         threading = self._threading()
         begins = np.flatnonzero(threading & ~np.concatenate(([False], threading[:-1])))
-        ends = np.append(begins[1:], threading.size)
+        ends = np.append(begins, threading.size)[1:]
         return [slice(int(begin), int(end)) for begin, end in zip(begins, ends, strict=True)]
 
     def _pass(self, calculator: str, number: int, rows: slice) -> Pass | None:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import reprlib
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeGuard
 
 from threadpitch import cosim
+from threadpitch.cosim.system import ParameterValue
 from threadpitch.cosim.values import Given
+from threadpitch.units import UNITS, compatible
+
+_LARGEST = 1000  # bits of an integer: a double holds it
 
 
 class ParameterFileError(ValueError):
@@ -31,7 +36,8 @@ def read_parameters(path: str | Path) -> dict[str, Given]:
     if path.suffix.lower() not in readers:
         raise ParameterFileError(f"{path}: is not a parameter file; give an .ssv, .toml or .json")
     if not path.is_file():
-        raise ParameterFileError(f"{path}: no such file; give an .ssv, .toml or .json")
+        what = "is a folder" if path.is_dir() else "no such file"
+        raise ParameterFileError(f"{path}: {what}; give an .ssv, .toml or .json")
     return readers[path.suffix.lower()](path)
 
 
@@ -51,24 +57,33 @@ def read_assignments(assignments: Sequence[str]) -> dict[str, Given]:
 
 
 def _read_ssv(path: Path) -> dict[str, Given]:
-    values: dict[str, Given] = {}
-    for entry in cosim.read_parameter_set(path):
-        number = isinstance(entry.value, int | float) and not isinstance(entry.value, bool)
-        values[entry.name] = f"{entry.value!r} {entry.unit}" if number and entry.unit else entry.value
-    return values
+    return {entry.name: _with_unit(entry) for entry in cosim.read_parameter_set(path)}
+
+
+def _with_unit(entry: ParameterValue) -> Given:
+    """A number with its unit as a text; of a unit that the file itself defines, in the SI unit of the same kind."""
+    if entry.unit is None or isinstance(entry.value, bool | str):
+        return entry.value
+    own = entry.definition
+    if own is not None:
+        for known in UNITS.values():
+            if compatible(known, own) and (known.factor, known.offset) == (1.0, 0.0):
+                return f"{own.factor * entry.value + own.offset!r} {known.name}"
+    return f"{entry.value!r} {entry.unit}"
 
 
 def _read_toml(path: Path) -> dict[str, Given]:
     try:
-        return dict(_flattened(path, tomllib.loads(path.read_text(encoding="utf-8"))))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:  # wrong grammar, wrong characters, numbers of thousands of digits
         raise ParameterFileError(f"{path}: is not TOML: {error}") from None
+    return dict(_flattened(path, document))
 
 
 def _read_json(path: Path) -> dict[str, Given]:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise ParameterFileError(f"{path}: is not JSON: {error}") from None
     if not isinstance(document, dict):
         raise ParameterFileError(f"{path}: holds no object; write {{\"z_drive\": {{\"screw_lead\": \"10mm\"}}}}")
@@ -84,10 +99,11 @@ def _flattened(path: Path, table: Mapping[str, object], owner: str = "") -> Iter
         elif _is_value(value):
             yield name, value
         else:
-            raise ParameterFileError(f"{path}: {name}: {value!r} is not a number, truth value, text or list of them")
+            raise ParameterFileError(f"{path}: {name}: {reprlib.repr(value)} is not a number, truth value, text or a "
+                                     "list of them")
 
 
 def _is_value(value: object) -> TypeGuard[Given]:
     """A number, truth value or text, or a list of them."""
     many = value if isinstance(value, list) else [value]
-    return all(isinstance(one, str | int | float) for one in many)
+    return all(isinstance(one, str | float) or (isinstance(one, int) and one.bit_length() < _LARGEST) for one in many)

@@ -16,6 +16,8 @@ from threadpitch.tables import pass_text, pitch_record, start_angles_deg
 from threadpitch.units import from_si
 
 FILES = ("trace.csv", "pitch.csv", "tables.txt", "result.json")
+_TEMPORARY = ".threadpitch-"
+_CHOOSE = "choose another folder with --output"
 HEADER = ("calculator", "pass", "start_number", "start_angle_deg", "n", "pitch_mm", "deviation_um", "in_metal")
 
 
@@ -24,41 +26,72 @@ def run_document(simulation: Simulation) -> dict[str, object]:
     return {
         "passes": [_pass_record(one) for one in simulation.passes],
         "steps": simulation.steps,
-        "simulated_s": float(simulation.time[-1] - simulation.time[0]),
+        "simulated_s": round(float(simulation.time[-1] - simulation.time[0]), 12),
         "wall_s": simulation.wall_time,
         "flavor": simulation.flavor,
     }
 
 
+def check_folder(folder: str | Path) -> None:
+    """Refuse a folder that cannot take a run, before the run instead of after it; nothing is left behind.
+
+    Raises:
+        OSError: a file is in the way, or the folder, or the one that it would be made in, cannot be written.
+    """
+    folder = Path(folder)
+    for name in FILES:
+        if (folder / name).is_dir():
+            raise IsADirectoryError(f"{folder / name} is a folder; {_CHOOSE}")
+    nearest = next((one for one in (folder, *folder.parents) if os.path.lexists(one)), Path())
+    if not nearest.is_dir():
+        raise NotADirectoryError(f"{nearest} is not a folder; {_CHOOSE}")
+    try:
+        os.rmdir(tempfile.mkdtemp(prefix=_TEMPORARY, dir=nearest))
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+
+
 def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
     """Write ``trace.csv``, ``pitch.csv``, ``tables.txt`` and ``result.json`` into a folder (made if need be).
 
-    All are written beside it first, so that the folder never holds half of a run; of a former run in the folder the
+    All are written aside first, so that the folder never holds half of a run; of a former run in the folder the
     files of these names are replaced, others stay.
 
     Raises:
         OSError: the folder cannot be written.
     """
     folder = Path(folder)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    if folder.exists() and not folder.is_dir():
-        raise NotADirectoryError(f"{folder} is a file; choose another folder with --output")
-    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    check_folder(folder)
     try:
-        simulation.result.save(temporary)
-        _write_pitches(simulation, temporary / "pitch.csv")
-        text = "\n".join(pass_text(one) for one in simulation.passes)
-        (temporary / "tables.txt").write_text(text, encoding="utf-8")
-        (temporary / "result.json").write_text(json.dumps(run_document(simulation), indent=1) + "\n", encoding="utf-8")
-        temporary.chmod(0o755)  # mkdtemp makes folders that only their owner can enter
-        if not folder.exists():
-            os.replace(temporary, folder)
-        else:
-            for name in FILES:
-                os.replace(temporary / name, folder / name)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        # Aside, but in the same file system, where moving is one operation: an existing folder may be a mount point.
+        place = folder if folder.is_dir() else folder.parent
+        place.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=_TEMPORARY, dir=place))
+        try:
+            _write_files(simulation, temporary)
+            if place is folder:
+                for name in FILES:
+                    os.replace(temporary / name, folder / name)
+            else:
+                temporary.chmod(0o755)  # mkdtemp makes folders that only their owner can enter
+                os.replace(temporary, folder)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+    except OSError as error:
+        raise _unwritable(folder, error) from error
     return [folder / name for name in FILES]
+
+
+def _unwritable(folder: Path, error: OSError) -> OSError:
+    return OSError(f"{folder}: cannot be written ({error.strerror or error}); {_CHOOSE}")
+
+
+def _write_files(simulation: Simulation, folder: Path) -> None:
+    simulation.result.save(folder)
+    _write_pitches(simulation, folder / "pitch.csv")
+    text = "\n".join(pass_text(one) for one in simulation.passes)
+    (folder / "tables.txt").write_text(text, encoding="utf-8")
+    (folder / "result.json").write_text(json.dumps(run_document(simulation), indent=1) + "\n", encoding="utf-8")
 
 
 def _pass_record(one: Pass) -> dict[str, object]:

@@ -1,14 +1,28 @@
-"""FMUs of several models, and a whole system packed as an .ssp with the FMUs that it names."""
+"""FMUs of several models, and a whole system packed as an .ssp with the FMUs that it names.
+
+The .ssp is for any tool. libcosim and Ecos pass over parameter bindings of the system, libcosim over all but the first
+of a component, and they and FMPy over the units of values, all without a word. So in the .ssp every component has one
+parameter set, all of one name, with values in the units of the FMU's variables; people edit the folder's own sets.
+Inputs that nothing feeds have no connector in it: FMPy feeds them from the connection of the input before.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from lxml import etree
+
 from threadpitch import cosim
+from threadpitch.cosim.document import Element, parse_document
+from threadpitch.cosim.ssp import SSD, SSV
+from threadpitch.cosim.system import Value
 from threadpitch.fmu import build_fmu
 from threadpitch.fmu.archive import write_archive
 from threadpitch.lathe import find_system, locate_fmu
+
+PARAMETER_FOLDER = "resources/parameters"
+_BEFORE_BINDINGS = (f"{SSD}Connectors", f"{SSD}ElementGeometry")  # the order that the schema asks for in a component
 
 
 def build_models(models: Iterable[Path], folder: Path, flavor: str) -> list[Path]:
@@ -17,12 +31,14 @@ def build_models(models: Iterable[Path], folder: Path, flavor: str) -> list[Path
     Raises:
         ModelError, BuildError, OSError: as ``build_fmu``.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     return [build_fmu(model, folder, flavor) for model in models]
 
 
 def build_system(system: str | Path, folder: Path, flavor: str) -> Path:
     """Pack a system's folder, and the FMUs that its SSD names, as ``<folder name>.ssp``; equal input, equal bytes.
+
+    The values of all its parameter sets go to ``resources/parameters/<component>.ssv``, converted to the variables'
+    units.
 
     Raises:
         cosim.CosimError: the system cannot be read, or an FMU is neither beside it nor a shipped model.
@@ -37,7 +53,67 @@ def build_system(system: str | Path, folder: Path, flavor: str) -> Path:
         entries[name] = path.read_bytes()
         return path
 
-    with cosim.read_system(source, locate=locate):
-        target = folder / f"{source.name}.ssp"
-        write_archive(target, entries)
+    with cosim.read_system(source, locate=locate) as structure, cosim.prepare(structure) as plan:
+        root = parse_document(source / "SystemStructure.ssd")
+        for name in _unbind(root):
+            entries.pop(name, None)
+        for component in root.iterfind(f"{SSD}System/{SSD}Elements/{SSD}Component"):
+            values = {setting.variable.name: (setting.variable.kind, setting.value) for setting in plan.settings
+                      if setting.component == component.get("name")}
+            if values:
+                name = f"{PARAMETER_FOLDER}/{component.get('name')}.ssv"
+                entries[name] = _parameter_set(structure.name, values)
+                _bind(component, name)
+        _drop_open_inputs(root)
+    entries["SystemStructure.ssd"] = _text(root)
+    target = folder / f"{source.name}.ssp"
+    write_archive(target, entries)
     return target
+
+
+def _unbind(root: Element) -> Iterator[str]:
+    """Remove all parameter bindings of a system and its components; the files that they named."""
+    for bindings in list(root.iter(f"{SSD}ParameterBindings")):
+        for binding in bindings.iterfind(f"{SSD}ParameterBinding"):
+            yield binding.get("source", "")
+        parent = bindings.getparent()
+        if parent is not None:
+            parent.remove(bindings)
+
+
+def _bind(component: Element, source: str) -> None:
+    """Bind a component to the parameter set in a file."""
+    bindings = etree.Element(f"{SSD}ParameterBindings")
+    etree.SubElement(bindings, f"{SSD}ParameterBinding", source=source)
+    before = [child for child in component if child.tag in _BEFORE_BINDINGS]
+    component.insert(component.index(before[-1]) + 1 if before else 0, bindings)
+
+
+def _drop_open_inputs(root: Element) -> None:
+    """Remove the connectors of inputs that no connection reaches; the FMUs' inputs keep their start values."""
+    connected = {(connection.get(f"{end}Element"), connection.get(f"{end}Connector"))
+                 for connection in root.iterfind(f"{SSD}System/{SSD}Connections/{SSD}Connection")
+                 for end in ("start", "end")}
+    for component in root.iterfind(f"{SSD}System/{SSD}Elements/{SSD}Component"):
+        for connectors in component.iterfind(f"{SSD}Connectors"):
+            for connector in connectors.findall(f"{SSD}Connector"):
+                if connector.get("kind") == "input" and (component.get("name"), connector.get("name")) not in connected:
+                    connectors.remove(connector)
+            if len(connectors) == 0:
+                component.remove(connectors)
+
+
+def _parameter_set(name: str, values: dict[str, tuple[str, Value]]) -> bytes:
+    """An SSV of (type, value) by variable, in the variables' own units."""
+    root = etree.Element(f"{SSV}ParameterSet", nsmap={"ssv": SSV.strip("{}")}, version="1.0", name=name)
+    parameters = etree.SubElement(root, f"{SSV}Parameters")
+    for variable, (kind, value) in values.items():
+        parameter = etree.SubElement(parameters, f"{SSV}Parameter", name=variable)
+        text = str(value).lower() if isinstance(value, bool) else str(value)  # of a float the digits that give it back
+        etree.SubElement(parameter, f"{SSV}{kind}", value=text)
+    return _text(root)
+
+
+def _text(root: Element) -> bytes:
+    etree.indent(root)
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"

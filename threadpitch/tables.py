@@ -6,6 +6,7 @@ The layout is that of Tables 1 to 4 of US 2016/0008901 A1, turned by 90 degrees:
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -134,14 +135,13 @@ def _layout_of(console: Console, decimals: int) -> Layout:
 
 
 def _plain(renderable: RenderableType, layout: Layout) -> str:
-    console = Console(width=layout.width, force_terminal=False, color_system=None)
-    with console.capture() as captured:
-        console.print(renderable)
-    return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
+    text = io.StringIO()
+    Console(file=text, width=layout.width, force_terminal=False, color_system=None).print(renderable)
+    return "\n".join(line.rstrip() for line in text.getvalue().splitlines()) + "\n"
 
 
 def _statistics_table(table: PitchTable, found: Statistics, layout: Layout) -> Table:
-    columns = {"Max. value\n[mm]": found.maximum, "Min. value\n[mm]": found.minimum, "Mean value\n[mm]": found.mean}
+    columns = {"Maximum\n[mm]": found.maximum, "Minimum\n[mm]": found.minimum, "Mean\n[mm]": found.mean}
     made = _table(["Start angle", *columns], layout)
     for row in range(table.start_angles.size):
         values = [_number(float(values[row]), layout.decimals) for values in columns.values()]

@@ -68,6 +68,9 @@ _SPELLINGS = {"": "1", "-": "1", "mm/U": "mm/rev", "in": "inch", "Âµm": "um", "Î
 UNITS["rev/s"] = _unit("rev/s", _TURN, rad=1, s=-1)
 
 
+_SOME = "; known are m, mm, um, rad, deg, rev, s, rpm, N, N.m, ..."
+
+
 def unit(name: str) -> Unit:
     """The unit of this name.
 
@@ -77,7 +80,7 @@ def unit(name: str) -> Unit:
     known = UNITS.get(_SPELLINGS.get(name, name))
     if known is None:
         near = difflib.get_close_matches(name, UNITS, n=3)
-        hint = f"; did you mean {', '.join(near)}?" if near else f"; known are {', '.join(UNITS)}"
+        hint = f"; did you mean {', '.join(near)}?" if near else _SOME
         raise UnitError(f"unit {name!r} is not known{hint}")
     return known
 

@@ -185,7 +185,7 @@ class FmuInstance:
         elif status == DISCARD and self._state == "initialized":
             detail, asked = self._discarded()
             reason = reason or asked
-        reason = reason or "the FMU gave no reason"
+        reason = reason.removeprefix(f"{self.name}: ") or "the FMU gave no reason"
         self._state = "discarded" if status == DISCARD and self._state == "initialized" else "error"
         raise StepError(f"{self.name}: {what} at t = {self._time:.9g} s ({label}{detail}): {reason}",
                         component=self.name, time=self._time, status=label)

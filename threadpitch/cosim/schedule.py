@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from threadpitch.cosim.errors import CosimError
 
+MOST_STEPS = 1e15  # beyond, a step is lost in the rounding of the time
 _ROUNDING = 1e-6  # of a step: more than floating point leaves over in 10^9 steps, less than anybody means
 
 
@@ -37,6 +38,9 @@ class Schedule:
         if stop_time <= start_time:
             raise CosimError(f"the stop time of {stop_time:g} s does not lie after the start at {start_time:g} s")
         ratio = (stop_time - start_time) / step_size
+        if ratio > MOST_STEPS:
+            raise CosimError(f"{ratio:.3g} steps of {step_size:g} s from {start_time:g} to {stop_time:g} s are too "
+                             "many; take a larger step")
         steps = round(ratio)
         if steps < 1 or abs(ratio - steps) > _ROUNDING:
             whole = max(math.floor(ratio), 1)

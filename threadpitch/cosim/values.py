@@ -83,7 +83,11 @@ def from_si(value: object, variable: FmuVariable, known: Known = unit) -> Value:
         case "Integer" | "Enumeration":
             return _in_range(_whole(value), variable)
         case "Real":
-            return _in_range(_from_unit(float(value), None, variable, known), variable)
+            try:
+                number = float(value)
+            except OverflowError:
+                raise VariableValueError("a whole number of this size does not fit into a Real") from None
+            return _in_range(_from_unit(number, None, variable, known), variable)
         case _:
             raise VariableValueError(f"{value!r} is a number, but the variable is {variable.type}")
 

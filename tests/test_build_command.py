@@ -1,0 +1,141 @@
+"""``threadpitch build``: FMUs without fault and an .ssp with equal bytes, which runs like the folder it came from."""
+
+from __future__ import annotations
+
+import shutil
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy import read_model_description
+from fmpy.ssp.ssd import read_ssd, read_ssv
+from fmpy.validation import validate_fmu
+
+from tests.plain_system import read_plan
+from threadpitch import lathe
+from threadpitch.cli import invoke
+from threadpitch.system_archive import build_system
+
+FMUS = {"FeedDrive.fmu", "PitchCalculator.fmu", "SpindleDrive.fmu", "ThreadingController.fmu"}
+SSP = "threading_lathe.ssp"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("built") / "fmus"
+    assert invoke(["build", "--output", str(folder)]) == 0
+    return folder
+
+
+def test_it_writes_every_model_and_the_lathe_and_names_them(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "new" / "folder"
+    assert invoke(["build", "--output", str(folder)]) == 0
+    told = capsys.readouterr()
+    expected = {f"{lathe_class(path)}.fmu" for path in lathe.model_files()} | {SSP}
+    assert expected >= FMUS
+    assert {path.name for path in folder.iterdir()} == expected  # and nothing temporary
+    assert {Path(line) for line in told.out.splitlines()} == set(folder.iterdir())
+    assert told.err == ""
+
+
+def lathe_class(path: Path) -> str:
+    return "".join(word.capitalize() for word in path.stem.split("_"))
+
+
+def test_a_named_model_is_built_alone(tmp_path: Path) -> None:
+    assert invoke(["build", str(lathe.model_file("PitchCalculator")), "--output", str(tmp_path)]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["PitchCalculator.fmu"]
+
+
+def test_fmpy_finds_no_fault_in_any_fmu(built: Path) -> None:
+    found = sorted(built.glob("*.fmu"))
+    assert {path.name for path in found} >= FMUS
+    for path in found:
+        assert validate_fmu(str(path)) == [], path.name
+        assert read_model_description(str(path)).coSimulation.modelIdentifier == path.stem
+
+
+def test_equal_input_gives_equal_bytes(built: Path, tmp_path: Path) -> None:
+    assert invoke(["build", "--output", str(tmp_path)]) == 0
+    for path in built.iterdir():
+        assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
+
+
+def test_the_ssp_holds_the_fmus_that_it_names_and_values_in_their_units(built: Path) -> None:
+    path = built / SSP
+    plan = read_plan()
+    with zipfile.ZipFile(path) as archive:
+        names = set(archive.namelist())
+        for name in FMUS:
+            assert archive.read(f"resources/{name}") == (built / name).read_bytes(), name
+    assert names == {"SystemStructure.ssd", *(f"resources/{name}" for name in FMUS),
+                     *(f"resources/parameters/{component}.ssv" for component in plan.order)}
+    read_ssd(str(path))  # valid against the schema
+    stated: dict[str, str] = {}
+    for component in plan.order:
+        values = read_ssv(str(path), f"resources/parameters/{component}.ssv")
+        assert values.name == "threading_lathe"  # one name, so that a tool can choose all sets by it
+        assert all(parameter.unit is None for parameter in values.parameters)
+        stated |= {f"{component}.{parameter.name}": parameter.value for parameter in values.parameters}
+    assert stated == {f"{one.component}.{one.variable.name}": str(one.value).lower() for one in plan.settings}
+    assert stated["controller.lead"] == "0.0015"
+
+
+def test_every_input_connector_of_the_ssp_is_fed(built: Path) -> None:
+    system = read_ssd(str(built / SSP)).system
+    fed = {(one.endElement, one.endConnector) for one in system.connections}
+    inputs = {(element.name, connector.name) for element in system.elements for connector in element.connectors
+              if connector.kind == "input"}
+    assert inputs == fed
+
+
+def test_the_ssp_runs_with_the_bits_of_the_folder(built: Path, tmp_path: Path) -> None:
+    for name, system in (("folder", []), ("ssp", [str(built / SSP)])):
+        status = invoke(["run", *system, "--stop-time", "1.5", "--output", str(tmp_path / name), "--start-angle", "0",
+                         "120"])
+        assert status == 0
+    for name in ("trace.csv", "pitch.csv", "tables.txt"):
+        assert (tmp_path / "ssp" / name).read_bytes() == (tmp_path / "folder" / name).read_bytes(), name
+
+
+def test_the_ssp_runs_where_no_model_is_at_hand(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = lathe.simulate(stop_time=1.0)
+
+    def absent(*_: object) -> Path:
+        raise AssertionError("an FMU was built although the .ssp holds it")
+
+    monkeypatch.setattr(lathe, "cached_fmu", absent)
+    result = lathe.simulate(built / SSP, stop_time=1.0)
+    assert set(result) == set(expected)
+    for name in expected:
+        assert np.array_equal(result[name], expected[name]), name
+
+
+def test_bindings_of_components_and_foreign_files_are_packed_too(tmp_path: Path) -> None:
+    """A folder with a set of its own at a component, overridden by the system's: one set with the winning values."""
+    source = tmp_path / "other"
+    shutil.copytree(lathe.find_system(lathe.DEFAULT_SYSTEM), source)
+    (source / "resources" / "notes.txt").write_text("kept", encoding="utf-8")
+    (source / "own.ssv").write_text(
+        '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" '
+        'name="own"><ssv:Parameters><ssv:Parameter name="inertia"><ssv:Real value="0.7"/></ssv:Parameter>'
+        '<ssv:Parameter name="viscous_friction"><ssv:Real value="0.03"/></ssv:Parameter></ssv:Parameters>'
+        "</ssv:ParameterSet>", encoding="utf-8")
+    structure = source / "SystemStructure.ssd"
+    text = structure.read_text(encoding="utf-8")
+    place = "</ssd:Connectors>"  # the first component is the spindle
+    structure.write_text(text.replace(place, f'{place}<ssd:ParameterBindings><ssd:ParameterBinding source="own.ssv"/>'
+                                             "</ssd:ParameterBindings>", 1), encoding="utf-8")
+    path = build_system(source, tmp_path, lathe.DEFAULT_FLAVOR)
+    with zipfile.ZipFile(path) as archive:
+        names = set(archive.namelist())
+    assert "resources/notes.txt" in names
+    assert {name for name in names if name.endswith(".ssv")} == {
+        f"resources/parameters/{component}.ssv" for component in read_plan().order}
+    values = {one.name: float(one.value) for one in read_ssv(str(path), "resources/parameters/spindle.ssv").parameters}
+    assert values["inertia"] == 0.15  # SSP 1.0: the system's value overrides the component's
+    assert values["viscous_friction"] == 0.03
+    settings = {(one.component, one.variable.name): one.value for one in read_plan(path).settings}
+    assert settings == {(one.component, one.variable.name): one.value for one in read_plan(source).settings}

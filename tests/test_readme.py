@@ -1,0 +1,68 @@
+"""The README's commands and its Python are run as they stand; its pages are current."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+from threadpitch.cli import invoke
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder beside which the shipped models lie, as in a checkout."""
+    (tmp_path / "models").symlink_to(ROOT / "models", target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_every_command_runs(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    commands = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("threadpitch ")]
+    assert len(commands) >= 6
+    for command in commands:
+        assert invoke(command.split()[1:]) == 0, command
+        captured = capsys.readouterr()
+        assert captured.out
+        assert captured.err == ""
+    assert (workplace / "threadpitch-run" / "trace.csv").is_file()
+
+
+def test_python_example_runs(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for block in blocks("python"):
+        script = workplace / "example.py"
+        script.write_text(block, encoding="utf-8")
+        runpy.run_path(str(script))
+    assert "(2, 10)" in capsys.readouterr().out
+
+
+def test_parameter_file_example_runs(workplace: Path) -> None:
+    (workplace / "gains.toml").write_text(blocks("toml")[0], encoding="utf-8")
+    assert invoke(["run", "--parameters", "gains.toml", "--stop-time", "0.6"]) == 0
+
+
+def test_links_lead_somewhere() -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        assert (ROOT / target).exists(), target
+
+
+def test_page_of_the_models_is_current() -> None:
+    page = runpy.run_path(str(ROOT / "docs" / "write_models.py"))["page"]
+    assert (ROOT / "docs" / "models.md").read_text(encoding="utf-8") == page(), "run python docs/write_models.py"
+
+
+def test_every_option_is_in_the_readme(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    for command in ("run", "analyze", "build"):
+        assert invoke([command, "--help"]) == 0
+        for option in set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out)) - {"--help"}:
+            assert option in README, f"{command} {option}"
