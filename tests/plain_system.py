@@ -24,7 +24,7 @@ _CODES = {"Real": "d", "Integer": "i", "Boolean": "i"}  # of struct: as FMI 2.0 
 
 def read_plan(system: str | Path = lathe.DEFAULT_SYSTEM, parameters: Mapping[str, Given] | None = None) -> Plan:
     """The checked plan of a system; its unpacked files are gone again, which a plan does not need."""
-    locate = functools.partial(lathe.locate_fmu, lathe.DEFAULT_FLAVOR)
+    locate = functools.partial(lathe.locate_fmu, lathe.choose_flavor())
     with cosim.read_system(lathe.find_system(system), locate=locate) as structure, \
             cosim.prepare(structure, parameters) as plan:
         return plan

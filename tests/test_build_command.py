@@ -15,7 +15,7 @@ from fmpy.validation import validate_fmu
 from tests.plain_system import read_plan
 from threadpitch import lathe
 from threadpitch.cli import invoke
-from threadpitch.system_archive import build_system
+from threadpitch.system_archive import FmuKind, build_system
 
 FMUS = {"FeedDrive.fmu", "PitchCalculator.fmu", "SpindleDrive.fmu", "ThreadingController.fmu"}
 SSP = "threading_lathe.ssp"
@@ -128,7 +128,7 @@ def test_bindings_of_components_and_foreign_files_are_packed_too(tmp_path: Path)
     place = "</ssd:Connectors>"  # the first component is the spindle
     structure.write_text(text.replace(place, f'{place}<ssd:ParameterBindings><ssd:ParameterBinding source="own.ssv"/>'
                                              "</ssd:ParameterBindings>", 1), encoding="utf-8")
-    path = build_system(source, tmp_path, lathe.DEFAULT_FLAVOR)
+    path = build_system(source, tmp_path, FmuKind(lathe.choose_flavor()))
     with zipfile.ZipFile(path) as archive:
         names = set(archive.namelist())
     assert "resources/notes.txt" in names

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from tests.plain_system import PlainSystem, read_plan
 from threadpitch import lathe
-from threadpitch.system_archive import build_system
+from threadpitch.fmu import available_compiler
+from threadpitch.system_archive import FmuKind, build_system
 
 RUN = Path(__file__).parent / "importer_run.py"
 STEP_SIZE = 1e-3
@@ -81,18 +82,24 @@ IDEAL = {
 }
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("importers")
+@pytest.fixture(scope="module", params=["python", pytest.param("native", marks=pytest.mark.skipif(
+    available_compiler() is None, reason="no C compiler and no ziglang is installed"))])
+def kind(request: pytest.FixtureRequest) -> FmuKind:
+    return FmuKind(request.param)
 
 
 @pytest.fixture(scope="module")
-def shipped_ssp(folder: Path) -> Path:
-    return build_system(lathe.DEFAULT_SYSTEM, folder, lathe.DEFAULT_FLAVOR)
+def folder(tmp_path_factory: pytest.TempPathFactory, kind: FmuKind) -> Path:
+    return tmp_path_factory.mktemp(f"importers-{kind.flavor}")
 
 
 @pytest.fixture(scope="module")
-def ideal_ssp(folder: Path) -> Path:
+def shipped_ssp(folder: Path, kind: FmuKind) -> Path:
+    return build_system(lathe.DEFAULT_SYSTEM, folder, kind)
+
+
+@pytest.fixture(scope="module")
+def ideal_ssp(folder: Path, kind: FmuKind) -> Path:
     """The lathe with one more parameter set, whose values win because it is the last."""
     system = folder / "ideal_lathe"
     shutil.copytree(lathe.find_system(lathe.DEFAULT_SYSTEM), system)
@@ -108,7 +115,7 @@ def ideal_ssp(folder: Path) -> Path:
     assert text.count(end) == 1
     structure.write_text(text.replace(end, f'<ssd:ParameterBinding source="resources/ideal.ssv"/>{end}'),
                          encoding="utf-8")
-    return build_system(system, folder, lathe.DEFAULT_FLAVOR)
+    return build_system(system, folder, kind)
 
 
 def imported(importer: Importer, ssp: Path, folder: Path) -> Columns:

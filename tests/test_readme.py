@@ -50,6 +50,17 @@ def test_parameter_file_example_runs(workplace: Path) -> None:
     assert invoke(["run", "--parameters", "gains.toml", "--stop-time", "0.6"]) == 0
 
 
+def test_model_of_the_page_about_own_models_is_built(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = (ROOT / "docs" / "own_model.md").read_text(encoding="utf-8")
+    (name, text), = re.findall(r"<!-- model: (\S+) -->\n```python\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
+    (workplace / name).write_text(text, encoding="utf-8")
+    commands = re.findall(r"^threadpitch (.*)", page, flags=re.MULTILINE)
+    assert len(commands) == 2
+    for command in commands:
+        assert invoke(command.split()) == 0, capsys.readouterr().err
+    assert sorted(path.name for path in (workplace / "fmus").rglob("*.fmu")) == ["ThermalSpindle.fmu"] * 2
+
+
 def test_links_lead_somewhere() -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", README):
         assert (ROOT / target).exists(), target

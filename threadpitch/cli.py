@@ -20,10 +20,11 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from threadpitch import __version__, cosim, lathe
 from threadpitch.cosim.values import Given
 from threadpitch.fmu import BuildError, ModelError
+from threadpitch.fmu.check import check_built
 from threadpitch.parameters import ParameterFileError, read_assignments, read_parameters
 from threadpitch.pitch import PitchError, pitch_tables
 from threadpitch.run_folder import check_folder, run_document, save_run
-from threadpitch.system_archive import build_models, build_system
+from threadpitch.system_archive import FmuKind, build_models, build_system
 from threadpitch.tables import analysis_document, printable, show_groups, show_pass
 from threadpitch.trace import ColumnChoice, TraceError
 from threadpitch.units import UnitError
@@ -35,7 +36,8 @@ DEFAULT_OUTPUT = "threadpitch-run"
 _KNOWN_ERRORS = (cosim.CosimError, lathe.LatheError, BuildError, ModelError, ParameterFileError, PitchError, TraceError,
                  UnitError, OSError)
 # Options that take several values, and what a value looks like
-_SEVERAL = {"--start-angle": r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", "--set": r"[^-=][^=]*=.*"}
+_SEVERAL = {"--start-angle": r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", "--set": r"[^-=][^=]*=.*",
+            "--platform": r"(linux|win|darwin)(64|-arm64)|(x86_64|aarch64)-[a-z]+"}
 
 
 def _number(text: str) -> float:
@@ -57,6 +59,9 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_
 StartAngles = Annotated[list[float] | None, typer.Option(
     "--start-angle", metavar="DEG ...", parser=_number,
     help="Start angles theta_S in degrees, several after one another.")]
+Flavor = Annotated[str | None, typer.Option(
+    metavar="native|python", help="Kind of FMUs that are built: native code, or Python by PythonFMU.",
+    show_default="native where a C compiler is found")]
 AsJson = Annotated[bool, typer.Option(
     "--json", metavar="", help="Print one JSON document on standard output (mm, degrees, s).")]
 
@@ -75,8 +80,7 @@ def run(
         metavar="S", parser=_number, help="Stop time in s.", show_default="of the system")] = None,
     step_size: Annotated[float | None, typer.Option(
         metavar="S", parser=_number, help="Communication step in s.", show_default="what the FMUs recommend")] = None,
-    flavor: Annotated[str, typer.Option(metavar="NAME", help="Kind of FMUs that are built: python.")]
-    = lathe.DEFAULT_FLAVOR,
+    flavor: Flavor = None,
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trace.csv, pitch.csv, tables.txt and "
                                                              "result.json.")] = Path(DEFAULT_OUTPUT),
     as_json: AsJson = False,
@@ -93,7 +97,7 @@ def run(
             simulation = lathe.simulate(system, parameters=values, start_angles=angles, stop_time=stop_time,
                                         step_size=step_size, flavor=flavor, progress=progress)
     except cosim.SimulationInterrupted as interrupt:
-        _keep(interrupt, output, flavor)
+        _keep(interrupt, output, lathe.choose_flavor(flavor))
     if simulation.calculators and not simulation.passes:
         _fail(simulation.why_no_turn())
     saved = save_run(simulation, output)
@@ -138,20 +142,29 @@ def analyze(
 def build(
     models: Annotated[list[Path] | None, typer.Argument(
         metavar="MODEL.py", help="Model files.", show_default="all of fmu_src, and the lathe as an .ssp")] = None,
-    flavor: Annotated[str, typer.Option(metavar="NAME", help="Kind of FMUs: python.")] = lathe.DEFAULT_FLAVOR,
-    fmi: Annotated[int, typer.Option(metavar="N", help="FMI version: 2.")] = 2,
+    flavor: Flavor = None,
+    fmi: Annotated[int, typer.Option(metavar="2|3", help="FMI version; 3 for native FMUs.")] = 2,
+    platform: Annotated[list[str] | None, typer.Option(
+        metavar="NAME ...", help="Platforms of native FMUs, several after one another: linux64, win64, darwin64, "
+                                 "linux-arm64, darwin-arm64.", show_default="this machine")] = None,
+    check: Annotated[bool, typer.Option(
+        "--check", metavar="", help="Run every built FMU against its reference results.")] = False,
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the FMUs.")] = Path("fmus"),
 ) -> None:
     """Build FMUs from model files."""
-    if fmi != 2:
-        _fail(f"FMI {fmi} cannot be built; choose --fmi 2")
     if output.exists() and not output.is_dir():
         _fail(f"{output} is not a folder; choose another folder with --output")
-    built = build_models(models or lathe.model_files(), output, flavor)
-    if not models:
-        built.append(build_system(lathe.DEFAULT_SYSTEM, output, flavor))
+    kind = FmuKind(lathe.choose_flavor(flavor), fmi, tuple(platform) if platform else None)
+    built = build_models(models or lathe.model_files(), output, kind)
+    problems = [problem for path in built for problem in check_built(path)] if check else []
+    if problems:
+        _fail(f"{problems[0]}" + (f" (and {len(problems) - 1} more)" if problems[1:] else ""))
+    if not models and fmi == 2:
+        built.append(build_system(lathe.DEFAULT_SYSTEM, output, kind))
     with _printing():
         print(*built, sep="\n")
+        if check:
+            print("all agree with their reference results")
 
 
 @app.callback(invoke_without_command=True)

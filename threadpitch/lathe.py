@@ -19,11 +19,10 @@ from threadpitch import cosim
 from threadpitch.cosim.master import Progress
 from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
-from threadpitch.fmu import cached_fmu
+from threadpitch.fmu import available_compiler, cached_fmu
 from threadpitch.pitch import PitchTable, Statistics, statistics
 
 DEFAULT_SYSTEM = "models/threading_lathe"
-DEFAULT_FLAVOR = "python"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
 ACTUAL = "actual_pitch"
 CONTROLLER = "controller"
@@ -180,19 +179,21 @@ class Simulation(Mapping[str, cosim.recording.Column]):
 
 def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Given] | None = None,
              start_angles: Sequence[float] | None = None, stop_time: float | None = None,
-             step_size: float | None = None, flavor: str = DEFAULT_FLAVOR,
+             step_size: float | None = None, flavor: str | None = None,
              progress: Progress | None = None) -> Simulation:
     """Simulate a lathe: a folder with SystemStructure.ssd, an .ssd or an .ssp, or a shipped one such as the default.
 
     ``parameters`` maps ``component.variable`` to a number (SI), a truth value or a text with a unit ("10mm").
     ``start_angles`` (start_angles,) rad, up to 8, go to every pitch calculator. Times are seconds; what is None comes
-    from the system. FMUs that the system names and that do not lie beside it are built from ``fmu_src``.
+    from the system. FMUs that the system names and that do not lie beside it are built from ``fmu_src``,
+    in the flavor "native" or "python"; None takes native FMUs where a C compiler is found.
 
     Raises:
         LatheError: too many start angles.
         cosim.CosimError: the system, a value or a time is wrong, or a component fails.
         fmu.BuildError: an FMU cannot be built in this flavor.
     """
+    flavor = choose_flavor(flavor)
     with cosim.read_system(find_system(system), locate=functools.partial(locate_fmu, flavor)) as structure:
         with cosim.prepare(structure) as plan:
             calculators = [name for name, description in plan.descriptions.items()
@@ -208,6 +209,11 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=record,
                                 progress=progress)
     return Simulation(result, flavor)
+
+
+def choose_flavor(flavor: str | None = None) -> str:
+    """The flavor itself; None is "native" where a C compiler (or ziglang) is found, else "python"."""
+    return flavor or ("python" if available_compiler() is None else "native")
 
 
 def _start_angle_parameters(calculators: Sequence[str], start_angles: Sequence[float] | None) -> dict[str, Given]:
@@ -249,7 +255,7 @@ def model_files() -> list[Path]:
     return sorted(path for path in shipped("fmu_src").glob("*.py") if not path.name.startswith("_"))
 
 
-def locate_fmu(flavor: str, source: str, base: Path) -> Path:
+def locate_fmu(flavor: str, source: str, base: Path, platforms: Sequence[str] | None = None) -> Path:
     """The FMU beside the system where there is one, else the one of this name built from ``fmu_src``.
 
     Raises:
@@ -260,7 +266,7 @@ def locate_fmu(flavor: str, source: str, base: Path) -> Path:
         return path
     model = model_file(path.stem)
     if path.suffix == ".fmu" and model.is_file():
-        return cached_fmu(model, flavor)
+        return cached_fmu(model, flavor, platforms=platforms)
     known = ["".join(word.capitalize() for word in one.stem.split("_")) for one in model_files()]
     raise cosim.SystemStructureError(f"FMU {source!r} is not in {base}, and no shipped model is called {path.stem!r}"
                                      f"{nearest(path.stem, known)}")

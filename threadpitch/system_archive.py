@@ -9,6 +9,7 @@ Inputs that nothing feeds have no connector in it: FMPy feeds them from the conn
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from lxml import etree
@@ -25,16 +26,25 @@ PARAMETER_FOLDER = "resources/parameters"
 _BEFORE_BINDINGS = (f"{SSD}Connectors", f"{SSD}ElementGeometry")  # the order that the schema asks for in a component
 
 
-def build_models(models: Iterable[Path], folder: Path, flavor: str) -> list[Path]:
+@dataclass(frozen=True)
+class FmuKind:
+    """Which FMUs are built: flavor, FMI version, and of native ones the platforms (None: this machine)."""
+
+    flavor: str
+    fmi: int = 2
+    platforms: tuple[str, ...] | None = None
+
+
+def build_models(models: Iterable[Path], folder: Path, kind: FmuKind) -> list[Path]:
     """Build the FMU of every model file into the folder.
 
     Raises:
         ModelError, BuildError, OSError: as ``build_fmu``.
     """
-    return [build_fmu(model, folder, flavor) for model in models]
+    return [build_fmu(model, folder, kind.flavor, fmi=kind.fmi, platforms=kind.platforms) for model in models]
 
 
-def build_system(system: str | Path, folder: Path, flavor: str) -> Path:
+def build_system(system: str | Path, folder: Path, kind: FmuKind) -> Path:
     """Pack a system's folder, and the FMUs that its SSD names, as ``<folder name>.ssp``; equal input, equal bytes.
 
     The values of all its parameter sets go to ``resources/parameters/<component>.ssv``, converted to the variables'
@@ -49,7 +59,7 @@ def build_system(system: str | Path, folder: Path, flavor: str) -> Path:
                for path in sorted(source.rglob("*")) if path.is_file() and not path.name.startswith(".")}
 
     def locate(name: str, base: Path) -> Path:
-        path = locate_fmu(flavor, name, base)
+        path = locate_fmu(kind.flavor, name, base, kind.platforms)
         entries[name] = path.read_bytes()
         return path
 

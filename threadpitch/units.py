@@ -58,6 +58,7 @@ _TABLE = (
     _unit("N.m/rad", kg=1, m=2, s=-2, rad=-1),
     _unit("N/m", kg=1, s=-2), _unit("N/um", 1e6, kg=1, s=-2), _unit("N.s/m", kg=1, s=-1),
     _unit("N/m2", kg=1, m=-1, s=-2), _unit("N/mm2", 1e6, kg=1, m=-1, s=-2),
+    _unit("J", kg=1, m=2, s=-2), _unit("J/K", kg=1, m=2, s=-2, K=-1), _unit("W/K", kg=1, m=2, s=-3, K=-1),
     _unit("W", kg=1, m=2, s=-3), _unit("kW", 1e3, kg=1, m=2, s=-3),
     _unit("K", K=1), _unit("1/K", K=-1), _unit("um/m/K", 1e-6, K=-1), _unit("degC", 1.0, 273.15, K=1),
     _unit("um/m", 1e-6), _unit("um/(300 mm)", 1e-6 / 0.3),

@@ -22,6 +22,7 @@ from threadpitch.cosim import master
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.recording import Recorder
 from threadpitch.cosim.simulation import choose_channels, choose_schedule, instantiate
+from threadpitch.fmu import available_compiler
 
 REPEATS = 3
 
@@ -79,13 +80,14 @@ def best(flavor: str) -> Speed:
     return Speed(whole.whole, whole.simulated, whole.steps, components)
 
 
-def figures(flavor: str = lathe.DEFAULT_FLAVOR) -> list[tuple[str, str]]:
+def figures(flavor: str) -> list[tuple[str, str]]:
     """Lines of the table: what, and its figure."""
     speed = best(flavor)
     lines = [(f"default run, {flavor} FMUs: real-time factor", f"{speed.simulated / speed.whole:.2f}")]
-    lines += [(f"{name}.doStep", f"{seconds / speed.steps * 1e6:.1f} us per step")
+    lines += [(f"{flavor}: {name}.doStep", f"{seconds / speed.steps * 1e6:.1f} us per step")
               for name, seconds in speed.components.items()]
-    lines.append(("master: transfers, copies, recording", f"{speed.overhead / speed.steps * 1e6:.1f} us per step"))
+    overhead = speed.overhead / speed.steps * 1e6
+    lines.append((f"{flavor}: master's transfers, copies, recording", f"{overhead:.1f} us per step"))
     return lines
 
 
@@ -94,8 +96,9 @@ def main() -> None:
     table = Table(title="threadpitch")
     table.add_column("what")
     table.add_column("figure", justify="right")
-    for line in figures():
-        table.add_row(*line)
+    for flavor in ("native", "python") if available_compiler() else ("python",):
+        for line in figures(flavor):
+            table.add_row(*line)
     for figure in pitch_figures(10_000_000):
         if figure.what.startswith("thread_pitch"):
             table.add_row(f"{figure.what}, {figure.samples:,} samples", f"{figure.rate:.0f} million samples/s")

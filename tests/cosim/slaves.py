@@ -7,11 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from threadpitch.cosim.check import Link
-from threadpitch.cosim.description import FmuDescription, FmuVariable
-from threadpitch.cosim.instance import References, Transfer, Values
+from threadpitch.cosim.description import FmuDescription
+from threadpitch.cosim.instance import Polynomials, References, Transfer, Values
+from threadpitch.cosim.method import Method
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.recording import Channel, Recorder
 from threadpitch.cosim.schedule import Schedule
+from threadpitch.cosim.variable import FmuVariable
 from threadpitch.units import Unit
 
 State = dict[str, float]  # every variable by name
@@ -38,23 +40,34 @@ class FunctionInstance:
         self.function = function
         self.state: State = {found.name: 0.0 for found in variables} | start
         self.calls: list[str] = []
-        self._names = {(found.kind, found.reference): found.name for found in variables}
+        self._names = {(found.c_type, found.reference): found.name for found in variables}
 
-    def setter(self, kind: str, references: References, values: Values) -> Transfer:
-        names = [self._names[kind, int(reference)] for reference in references]
+    def setter(self, c_type: str, references: References, values: Values) -> Transfer:
+        names = [self._names[c_type, int(reference)] for reference in references]
 
         def transfer() -> None:
             self.state.update(zip(names, values.tolist(), strict=True))
 
         return transfer
 
-    def getter(self, kind: str, references: References, values: Values) -> Transfer:
-        names = [self._names[kind, int(reference)] for reference in references]
+    def getter(self, c_type: str, references: References, values: Values) -> Transfer:
+        names = [self._names[c_type, int(reference)] for reference in references]
 
         def transfer() -> None:
             if "exit" not in self.calls:
                 self.function(self.state, 0.0, 0.0)
             values[:] = [self.state[name] for name in names]
+
+        return transfer
+
+    def follower(self, c_type: str, references: References, polynomials: Polynomials) -> Transfer:
+        """The function finds value and derivatives at the step's beginning in ``u``, ``u'`` and ``u''``."""
+        names = [self._names[c_type, int(reference)] for reference in references]
+
+        def transfer() -> None:
+            self.state.update(zip(names, polynomials.values.tolist(), strict=True))
+            for order, derivatives in enumerate(polynomials.derivatives.tolist(), 1):
+                self.state.update(zip((name + "'" * order for name in names), derivatives, strict=True))
 
         return transfer
 
@@ -84,5 +97,6 @@ class FunctionInstance:
 
 
 def network(instances: Sequence[FunctionInstance], links: Sequence[Link], record: Sequence[tuple[str, FmuVariable]],
-            schedule: Schedule) -> Network:
-    return Network(instances, links, Recorder([Channel(name, found) for name, found in record], schedule))
+            schedule: Schedule, *, method: Method | None = None, every: int = 1) -> Network:
+    return Network(instances, links, Recorder([Channel(name, found) for name, found in record], schedule, every),
+                   method)

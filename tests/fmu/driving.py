@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import copy
+import os
 import random
+import shutil
+import tempfile
 import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,6 +15,7 @@ from typing import Any
 
 import fmpy
 from fmpy import extract, read_model_description
+from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import (
     FMU2Slave,
     fmi2CallbackAllocateMemoryTYPE,
@@ -19,12 +23,15 @@ from fmpy.fmi2 import (
     fmi2CallbackFunctions,
     fmi2CallbackLoggerTYPE,
 )
+from fmpy.fmi3 import FMU3Slave, fmi3LogMessageCallback
 
-from threadpitch.fmu import Model, Scalar, plain_module, read_model, scalars
+from threadpitch.fmu import Model, Scalar, Variable, plain_module, read_model, scalars
+from threadpitch.fmu.description3 import references
 
 ROOT = Path(__file__).parents[2]
 TEST_MODEL = Path(__file__).parent / "models" / "damped_mass.py"
-MODEL_PATHS = [TEST_MODEL, *sorted((ROOT / "fmu_src").glob("*.py"))]
+TABLE_MODEL = Path(__file__).parent / "models" / "rotary_table.py"
+MODEL_PATHS = [TEST_MODEL, TABLE_MODEL, *sorted((ROOT / "fmu_src").glob("*.py"))]
 Values = dict[str, float | int | bool]
 
 # How far a random input moves in a step, by unit: enough for saturation, several turns, reversal
@@ -118,12 +125,19 @@ def run_python(model: Model, instance: Any, parameters: Values, inputs: list[Val
     instance.initialize()
     step_size = model.experiment.step_size if model.experiment else 0.01
     rows = [everything(instance, model)]
-    for number, values in enumerate(inputs):
+    done = 0  # a step that is refused does not advance time
+    for values in inputs:
         for name, value in values.items():
             put(instance, by_name[name], value)
         before = copy.deepcopy(vars(instance))
-        if instance.step(number * step_size, step_size) != 0:
+        try:
+            refused = instance.step(done * step_size, step_size) != 0
+        except IndexError:
+            refused = True
+        if refused:
             vars(instance).update(before)
+        else:
+            done += 1
         rows.append(everything(instance, model))
     return rows
 
@@ -176,11 +190,107 @@ class Fmu:
         self.slave.doStep(number * step_size, step_size)
 
 
+class Fmu3:
+    """One instance of an FMU of FMI 3.0 in FMPy, by the names of FMI 2: ``a[2]`` is the second value of ``a``."""
+
+    def __init__(self, path: Path, folder: Path, model: Model, *, events: bool = False) -> None:
+        self.description = read_model_description(str(path))
+        self.log: list[str] = []
+        self.model = model
+        self.reference = references(model)
+        self.slave = FMU3Slave(guid=self.description.instantiationToken, unzipDirectory=str(folder),
+                               modelIdentifier=model.class_name, instanceName="under_test")
+        self.slave.instantiate(loggingOn=True, eventModeUsed=events, logMessage=fmi3LogMessageCallback(self._logged))
+
+    def _logged(self, _environment: Any, _status: int, _category: Any, message: bytes) -> None:
+        self.log.append(message.decode())
+
+    def initialize(self, parameters: Values | None = None) -> None:
+        self.put_all(parameters or {})
+        self.slave.enterInitializationMode(startTime=0.0)
+        self.slave.exitInitializationMode()
+
+    def put_all(self, values: Values) -> None:
+        """Set scalars; of an array the elements that are not named keep their value."""
+        for variable in self.model.variables:
+            named = [name for name in values if name.partition("[")[0] == variable.name]
+            if not named:
+                continue
+            new = self._values(variable)
+            for name in named:
+                new[int(name.partition("[")[2].rstrip("]") or 1) - 1] = values[name]
+            kind = _FMI3_KINDS[variable.kind]
+            getattr(self.slave, f"set{kind}")([self.reference[variable.name]], new)
+
+    def _values(self, variable: Variable) -> list[Any]:
+        getter = getattr(self.slave, f"get{_FMI3_KINDS[variable.kind]}")
+        values = list(getter([self.reference[variable.name]], nValues=variable.size or 1))
+        return [bool(value) for value in values] if variable.kind == "bool" else values
+
+    def everything(self) -> dict[str, str]:
+        found = {}
+        for variable in self.model.variables:
+            for index, value in enumerate(self._values(variable), 1):
+                found[variable.name if variable.size is None else f"{variable.name}[{index}]"] = bits(value)
+        return found
+
+    def step(self, number: int, values: Values | None = None) -> None:
+        """Set the inputs and do step ``number``; raises FMPy's exception when the FMU refuses."""
+        self.put_all(values or {})
+        step_size = self.model.experiment.step_size if self.model.experiment else 0.01
+        self.slave.doStep(number * step_size, step_size)
+
+
+_FMI3_KINDS = {"float": "Float64", "int": "Int32", "bool": "Boolean"}
+
+
+def advanced(fmu: Fmu | Fmu3, done: int, values: Values) -> int:
+    """Do step ``done`` with these inputs; the number of the next step: the same again when the FMU refused it."""
+    try:
+        fmu.step(done, values)
+    except FMICallException as error:
+        if "discard" not in str(error):
+            raise
+        return done
+    return done + 1
+
+
+def run_fmu(fmu: Fmu | Fmu3, parameters: Values, inputs: list[Values]) -> list[dict[str, str]]:
+    """The trajectory of an FMU, as ``run_python`` gives that of a Python object."""
+    fmu.initialize(parameters)
+    rows = [fmu.everything()]
+    done = 0
+    for values in inputs:
+        done = advanced(fmu, done, values)
+        rows.append(fmu.everything())
+    return rows
+
+
+def unpacked(path: Path) -> Path:
+    """The folder beside the FMU that holds what is in it; several workers may ask at once."""
+    folder = path.with_suffix("")
+    if not folder.exists():
+        fresh = tempfile.mkdtemp(dir=path.parent)
+        extract(str(path), fresh)
+        try:
+            os.rename(fresh, folder)
+        except OSError:  # another worker was first
+            shutil.rmtree(fresh)
+    return folder
+
+
 @contextmanager
 def opened(path: Path, model: Model) -> Iterator[Fmu]:
-    folder = Path(extract(str(path), str(path.with_suffix("")))) if not path.with_suffix("").exists() \
-        else path.with_suffix("")
-    fmu = Fmu(path, folder, model)
+    fmu = Fmu(path, unpacked(path), model)
+    try:
+        yield fmu
+    finally:
+        fmu.slave.freeInstance()
+
+
+@contextmanager
+def opened3(path: Path, model: Model, *, events: bool = False) -> Iterator[Fmu3]:
+    fmu = Fmu3(path, unpacked(path), model, events=events)
     try:
         yield fmu
     finally:

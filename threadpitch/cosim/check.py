@@ -9,7 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from threadpitch.cosim.description import FmuDescription, FmuVariable
+import numpy as np
+
+from threadpitch.cosim.c_types import C_TYPES
+from threadpitch.cosim.description import FmuDescription
 from threadpitch.cosim.order import data_order, find_loops
 from threadpitch.cosim.system import (
     Component,
@@ -22,6 +25,7 @@ from threadpitch.cosim.system import (
     nearest,
 )
 from threadpitch.cosim.values import Given, VariableValueError, from_parameter_set, from_si
+from threadpitch.cosim.variable import FmuVariable
 from threadpitch.units import Unit, UnitError, between
 
 
@@ -39,11 +43,15 @@ class Link:
 
 @dataclass(frozen=True)
 class Setting:
-    """A value that a component's variable takes before initialisation, in the variable's unit."""
+    """A value that a component's variable takes before initialisation, in the variable's unit.
+
+    ``starts`` are the start values of all elements where the variable is one of an FMI 3.0 array's.
+    """
 
     component: str
     variable: FmuVariable
     value: Value
+    starts: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -67,7 +75,7 @@ def check(system: System, descriptions: Mapping[str, FmuDescription],
           parameters: Mapping[str, Given] | None = None) -> Plan:
     """Check a system and the caller's parameters (``component.variable`` -> SI number, truth value or text).
 
-    A parameter may name a whole array of FMI 2.0 (``name`` for ``name[1]``, ``name[2]``, ...): a sequence, or a text
+    A parameter may name a whole array (``name`` for ``name[1]``, ``name[2]``, ...): a sequence, or a text
     with commas, sets its first elements.
 
     Raises:
@@ -110,7 +118,7 @@ class _Checker:
             if variable is None:
                 self.problems.append(f"{where}: {fmu.path.name} has no such variable"
                                      f"{nearest(connector.name, fmu.variables)}")
-            elif connector.type not in (None, variable.type):
+            elif connector.type not in (None, variable.type, variable.family):
                 self.problems.append(f"{where}: is {connector.type}, but the FMU's variable is {variable.type}")
             elif connector.kind in ("input", "output") and connector.kind != variable.causality:
                 self.problems.append(f"{where}: is an {connector.kind}, but the FMU's variable is {variable.causality}")
@@ -149,10 +157,14 @@ class _Checker:
             self.problems.append(f"{where}: joins {start.causality} to {end.causality}; data go from an output to an "
                                  "input")
             return None
-        if start.type != end.type or start.type == "String":
-            self.problems.append(f"{where}: joins {start.type} to {end.type}; both must be the same, and not String")
+        if start.family != end.family or not (start.exchanged and end.exchanged):
+            self.problems.append(f"{where}: joins {start.type} to {end.type}; both must be the same, and not String, "
+                                 "Binary or Clock")
             return None
-        if start.type != "Real":
+        if not _fits(start, end):
+            self.problems.append(f"{where}: joins {start.type} to {end.type}, which does not hold all of its values")
+            return None
+        if start.family != "Real":
             if (connection.factor, connection.offset) != (1.0, 0.0):
                 self.problems.append(f"{where}: a linear transformation serves Real variables, not {start.type}")
             return Link(connection.start_component, start, connection.end_component, end)
@@ -224,7 +236,15 @@ class _Checker:
             elif not setting.variable.settable:
                 self.problems.append(f"{name} cannot be set: it is {setting.variable.causality}; parameters and inputs "
                                      "can")
-        return list(found.values())
+        return [replace(setting, starts=self._starts(setting)) for setting in found.values()]
+
+    def _starts(self, setting: Setting) -> tuple[float, ...]:
+        """What the elements of an array are where nobody sets them: an array is set as a whole."""
+        variable = setting.variable
+        if variable.size == 1:
+            return ()
+        elements = self.descriptions[setting.component].arrays[variable.name.rpartition("[")[0]]
+        return tuple(0.0 if element.start is None else element.start for element in elements)
 
     def _targets(self, value: ParameterValue) -> Iterator[tuple[str, FmuVariable]]:
         """The variables that an entry of a parameter set means; SSP says to ignore what names nothing."""
@@ -271,6 +291,11 @@ class _Checker:
             self.problems.append(f"parameter {name!r}: {len(values)} values for an array of {len(elements)}")
             return []
         return list(zip(elements, values, strict=False))
+
+
+def _fits(start: FmuVariable, end: FmuVariable) -> bool:
+    """Whether every value of the one type is one of the other; a Float32 takes a Float64 rounded."""
+    return start.family != "Integer" or bool(np.can_cast(C_TYPES[start.c_type].dtype, C_TYPES[end.c_type].dtype))
 
 
 def _connector_unit(connector: Connector | None, variable: FmuVariable) -> str | None:

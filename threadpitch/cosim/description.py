@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from fmpy import platform, read_model_description, supported_platforms
+from fmpy import platform, platform_tuple, read_model_description, supported_platforms
 
 from threadpitch.cosim.archive import TemporaryFolder, unpack
 from threadpitch.cosim.document import DocumentError, Element, parse_document
 from threadpitch.cosim.errors import CosimError
+from threadpitch.cosim.variable import FmuVariable
+from threadpitch.cosim.variables import read_variables, to_number
 from threadpitch.units import BASES, Unit, UnitError, unit
 
 
@@ -23,33 +23,11 @@ class FmuError(CosimError):
 
 
 @dataclass(frozen=True)
-class FmuVariable:
-    """One scalar variable. ``type`` is the FMI 2.0 word, ``kind`` the FMI functions that carry it.
-
-    ``kind`` is "Real", "Integer" (Enumerations too), "Boolean" or "String". ``choices`` names an Enumeration's values,
-    or those of an Integer that our own annotation names.
-    ``settable`` tells whether it takes a value before initialisation.
-    """
-
-    name: str
-    reference: int
-    type: str
-    causality: str
-    unit: str | None = None
-    minimum: float | None = None
-    maximum: float | None = None
-    choices: Mapping[str, int] | None = None
-    settable: bool = False
-
-    @property
-    def kind(self) -> str:
-        """The type of the FMI functions that get and set it."""
-        return "Integer" if self.type == "Enumeration" else self.type
-
-
-@dataclass(frozen=True)
 class FmuDescription:
-    """An unpacked FMU; ``units`` are those that it defines itself, display units included."""
+    """An unpacked FMU of FMI version ``fmi``; ``units`` are those that it defines itself, display units included.
+
+    ``guid`` is FMI 3.0's instantiationToken too.
+    """
 
     path: Path
     folder: Path
@@ -60,6 +38,7 @@ class FmuDescription:
     log_categories: tuple[str, ...] = ()
     step_size: float | None = None  # s, of its default experiment
     once_per_process: bool = False
+    fmi: int = 2
     temporary: TemporaryFolder | None = None
 
     def unit(self, name: str) -> Unit:
@@ -72,13 +51,14 @@ class FmuDescription:
 
     @cached_property
     def arrays(self) -> Mapping[str, tuple[FmuVariable, ...]]:
-        """Arrays of FMI 2.0: ``name`` -> its elements ``name[1]``, ``name[2]``, ... in their order."""
+        """Arrays: ``name`` -> its elements ``name[1]``, ``name[2]``, ... in their order."""
         arrays: dict[str, list[FmuVariable]] = {}
         for variable in self.variables.values():
             name, bracket, index = variable.name.rpartition("[")
-            if bracket and index == f"{len(arrays.get(name, ())) + 1}]":
-                arrays.setdefault(name, []).append(variable)
-        return {name: tuple(elements) for name, elements in arrays.items()}
+            found = arrays.setdefault(name, []) if bracket else []
+            if variable.size > 1 or index == f"{len(found) + 1}]":
+                found.append(variable)
+        return {name: tuple(elements) for name, elements in arrays.items() if elements}
 
     def close(self) -> None:
         """Remove the unpacked files; may be called twice."""
@@ -91,75 +71,59 @@ def read_fmu(path: Path) -> FmuDescription:
 
     Raises:
         ArchiveError: the file is missing or not a sound archive.
-        FmuError: the description is missing or wrong, the FMU is not FMI 2.0 for co-simulation, or it holds no binary
-            for this platform.
+        FmuError: the description is missing or wrong, the FMU is not FMI 2.0 or 3.0 for co-simulation, or it holds
+            no binary for this platform.
     """
     temporary = unpack(path)
     folder = temporary.path
-    description, choices = _model_description(path, folder)
-    if not str(description.fmiVersion).startswith("2."):
-        raise FmuError(f"{path}: is FMI {description.fmiVersion}; only FMI 2.0 co-simulation can be run")
-    if description.coSimulation is None:
+    description, root = _model_description(path, folder)
+    fmi = {"2": 2, "3": 3}.get(str(description.fmiVersion).partition(".")[0])
+    if fmi is None:
+        raise FmuError(f"{path}: is FMI {description.fmiVersion}; only FMI 2.0 and 3.0 co-simulation can be run")
+    slave = description.coSimulation
+    if slave is None:
         raise FmuError(f"{path}: offers model exchange only; export it for co-simulation")
-    platforms = supported_platforms(folder)
-    if platform not in platforms:
-        raise FmuError(f"{path}: holds no binary for {platform}, only {', '.join(platforms) or 'none'}")
+    _check_platform(path, folder, fmi)
     experiment = description.defaultExperiment
     return FmuDescription(
         path=path,
         folder=folder,
         guid=description.guid,
-        model_identifier=description.coSimulation.modelIdentifier,
-        variables={found.name: _variable(found, choices.get(found.name)) for found in description.modelVariables},
+        model_identifier=slave.modelIdentifier,
+        variables={found.name: found for found in read_variables(description, root)},
         units=_units(description),
         log_categories=tuple(category.name for category in description.logCategories),
-        step_size=_float(experiment.stepSize) if experiment is not None else None,
-        once_per_process=description.coSimulation.canBeInstantiatedOnlyOncePerProcess,
+        step_size=to_number(experiment.stepSize) if experiment is not None else None,
+        once_per_process=slave.canBeInstantiatedOnlyOncePerProcess,
+        fmi=fmi,
         temporary=temporary,
     )
 
 
-def _model_description(path: Path, folder: Path) -> tuple[Any, dict[str, dict[str, int]]]:
-    """What FMPy reads, and the named values of Integers, which it leaves out."""
+def _check_platform(path: Path, folder: Path, fmi: int) -> None:
+    if fmi == 2:
+        wanted, found = platform, supported_platforms(folder)
+    else:
+        wanted = platform_tuple
+        binaries = folder / "binaries"
+        found = sorted(entry.name for entry in binaries.iterdir()) if binaries.is_dir() else []
+    if wanted not in found:
+        raise FmuError(f"{path}: holds no binary for {wanted}, only {', '.join(found) or 'none'}")
+
+
+def _model_description(path: Path, folder: Path) -> tuple[Any, Element]:
+    """What FMPy reads, and the document itself for what it leaves out."""
     file = folder / "modelDescription.xml"
     if not file.is_file():
         raise FmuError(f"{path}: holds no modelDescription.xml; it is not an FMU")
     try:
         root = parse_document(file)  # FMPy's parser resolves entities: what declares any is refused before it sees it
-        return read_model_description(folder), _choices(root)
+        return read_model_description(folder), root
     except DocumentError as error:
         raise FmuError(f"{path}: modelDescription.xml: {error}") from None
     except Exception as error:  # FMPy raises plain Exception for what its schema or rules refuse
         first = str(getattr(error, "problems", [error])[0]).splitlines()[0]
         raise FmuError(f"{path}: modelDescription.xml is not valid: {first}") from None
-
-
-def _choices(root: Element) -> dict[str, dict[str, int]]:
-    """By variable: the names and numbers of ``Annotations/Tool[@name="threadpitch"]/Choices/Choice``."""
-    choices: dict[str, dict[str, int]] = {}
-    for choice in root.iterfind("ModelVariables/ScalarVariable/Annotations/Tool[@name='threadpitch']/Choices/Choice"):
-        variable = next(choice.iterancestors("ScalarVariable")).get("name", "")
-        with contextlib.suppress(ValueError):  # somebody else's annotation: without meaning for us
-            choices.setdefault(variable, {})[choice.get("name", "")] = int(choice.get("value", ""))
-    return choices
-
-
-def _variable(found: Any, choices: Mapping[str, int] | None = None) -> FmuVariable:
-    declared = found.declaredType
-    if found.type == "Enumeration" and declared is not None:
-        choices = {item.name: int(item.value) for item in declared.items}
-    return FmuVariable(
-        name=found.name,
-        reference=found.valueReference,
-        type=found.type,
-        causality=found.causality,
-        unit=found.unit or getattr(declared, "unit", None),
-        minimum=_float(found.min if found.min is not None else getattr(declared, "min", None)),
-        maximum=_float(found.max if found.max is not None else getattr(declared, "max", None)),
-        choices=choices,
-        settable=found.variability != "constant" and (
-            found.causality == "input" or found.initial in ("exact", "approx")),
-    )
 
 
 def _units(description: Any) -> dict[str, Unit]:
@@ -182,10 +146,3 @@ def _units(description: Any) -> dict[str, Unit]:
                     display.name, one.exponents, one.factor / display.factor,
                     one.offset - one.factor * display.offset / display.factor))
     return units
-
-
-def _float(text: str | None) -> float | None:
-    if text is None:
-        return None
-    value = float(text)
-    return None if math.isnan(value) else value

@@ -41,3 +41,17 @@ class SimulationInterrupted(KeyboardInterrupt):
 
     def __str__(self) -> str:
         return f"interrupted at t = {self.time:.9g} s"
+
+
+class TimeLimitError(CosimError):
+    """A run took longer than allowed and was ended between two steps. ``result`` is what was recorded until then."""
+
+    def __init__(self, time: float, limit: float) -> None:
+        super().__init__(time, limit)
+        self.time = time
+        self.limit = limit
+        self.result: Result | None = None
+
+    def __str__(self) -> str:
+        return (f"the run reached t = {self.time:.9g} s in the {self.limit:g} s that it was given; allow more, or take "
+                "a larger step")

@@ -1,46 +1,29 @@
-"""The co-simulation master: initialises a network of instances and steps it.
-
-Gauss-Seidel in the order of the data: a component sees what the components before it have computed for the end of the
-step, and of those behind it (feedback) what they had computed for its beginning.
-"""
+"""The co-simulation master: initialises a network of instances and steps it, by an algorithm that is handed to it."""
 
 from __future__ import annotations
 
 import logging
+import math
 import time as clock
 from collections.abc import Callable, Iterable
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from threadpitch.cosim.algorithms import ALGORITHMS, Algorithm
+from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.check import Setting
-from threadpitch.cosim.errors import SimulationInterrupted
-from threadpitch.cosim.instance import DTYPES, Instance
+from threadpitch.cosim.errors import SimulationInterrupted, TimeLimitError
+from threadpitch.cosim.instance import Instance
 from threadpitch.cosim.interrupt import HeldInterrupt
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.schedule import Schedule
 
-Algorithm: TypeAlias = Callable[[Network, Schedule, range], None]  # computes these steps and records them
 Progress: TypeAlias = Callable[[int, int], None]  # (steps done, steps in all)
 
 _CHUNK_TIME = 0.05  # s of computing between two looks at progress and Ctrl-C
 _log = logging.getLogger(__name__)
-
-
-def gauss_seidel(network: Network, schedule: Schedule, steps: range) -> None:
-    """Each component in order receives its inputs, steps from t to t + h and publishes its outputs at t + h.
-
-    Raises:
-        StepError: a component fails, or publishes a value that is not a number.
-    """
-    for step in steps:
-        time = schedule.time(step)
-        network.time = schedule.time(step + 1)
-        for node in network.nodes:
-            node.receive()
-            node.instance.do_step(time, schedule.step_size)
-            node.publish()
-        network.record(step + 1)
 
 
 def initialize(network: Network, schedule: Schedule, settings: Iterable[Setting]) -> None:
@@ -55,41 +38,52 @@ def initialize(network: Network, schedule: Schedule, settings: Iterable[Setting]
     """
     instances = {node.name: node.instance for node in network.nodes}
     with HeldInterrupt() as interrupt:
-        for setting in settings:
-            _set(instances[setting.component], setting)
+        for name, chosen in _by_component(settings).items():
+            set_values(instances[name], chosen)
         for node in network.nodes:
             node.instance.setup_experiment(schedule.start_time)
             node.instance.enter_initialization()
+            node.prime()
         _propagate(network)
         for node in network.nodes:
             node.instance.exit_initialization()
-            node.publish()
+            node.publish(schedule.start_time)
+        for node in network.nodes:
+            node.sample()
         network.record(0)
     if interrupt.requested:
         raise SimulationInterrupted(schedule.start_time)
 
 
-def run(network: Network, schedule: Schedule, algorithm: Algorithm = gauss_seidel,
-        progress: Progress | None = None) -> None:
-    """Compute all steps, in chunks: between them progress is told and Ctrl-C is obeyed.
+def run(network: Network, schedule: Schedule, algorithm: Algorithm | None = None, *,
+        progress: Progress | None = None, time_limit: float | None = None) -> None:
+    """Compute all steps, in chunks: between them progress is told, Ctrl-C and the limit [s of the clock] are obeyed.
+
+    Without an algorithm that of the network's method is taken.
 
     Raises:
         StepError: a component fails; rows recorded before are valid.
         SimulationInterrupted: Ctrl-C was pressed; rows recorded before are valid.
+        TimeLimitError: the time is over; rows recorded before are valid.
     """
+    advance = ALGORITHMS[network.method.coupling] if algorithm is None else algorithm
+    end = math.inf if time_limit is None else clock.perf_counter() + time_limit
     done, count = 0, 1
     with HeldInterrupt() as interrupt:
         while done < schedule.steps:
             began = clock.perf_counter()
             last = min(done + count, schedule.steps)
-            algorithm(network, schedule, range(done, last))
+            advance(network, schedule, range(done, last))
             done = last
-            elapsed = clock.perf_counter() - began
+            now = clock.perf_counter()
+            elapsed = now - began
             count = max(1, count * 2 if elapsed < _CHUNK_TIME else count // 2 if elapsed > 4 * _CHUNK_TIME else count)
             if progress is not None:
                 progress(done, schedule.steps)
             if interrupt.requested:
                 raise SimulationInterrupted(schedule.time(done))
+            if now > end and done < schedule.steps:
+                raise TimeLimitError(schedule.time(done), time_limit or 0.0)
 
 
 def _propagate(network: Network) -> None:
@@ -98,7 +92,7 @@ def _propagate(network: Network) -> None:
     before = None
     for _ in range(len(network.nodes) + 1):
         for node in network.nodes:
-            node.receive()
+            node.hold()
             node.get()
         now = network.written_bits()
         if now == before:
@@ -108,10 +102,29 @@ def _propagate(network: Network) -> None:
                  len(network.nodes) + 1)
 
 
-def _set(instance: Instance, setting: Setting) -> None:
-    variable = setting.variable
-    if isinstance(setting.value, str):
-        instance.set_text(variable.reference, setting.value)
-    else:
-        reference = np.array([variable.reference], np.uint32)
-        instance.setter(variable.kind, reference, np.array([setting.value], DTYPES[variable.kind]))()
+def _by_component(settings: Iterable[Setting]) -> dict[str, list[Setting]]:
+    found: dict[str, list[Setting]] = {}
+    for setting in settings:
+        found.setdefault(setting.component, []).append(setting)
+    return found
+
+
+def set_values(instance: Instance, settings: Iterable[Setting]) -> None:
+    """Set variables of one instance; of an array of FMI 3.0 the elements that are not given keep their start values.
+
+    Raises:
+        StepError: the instance refuses a value.
+    """
+    arrays: dict[tuple[str, int], NDArray[Any]] = {}
+    for setting in settings:
+        variable = setting.variable
+        if isinstance(setting.value, str):
+            instance.set_text(variable.reference, setting.value)
+            continue
+        key = variable.c_type, variable.reference
+        if key not in arrays:
+            starts = setting.starts or (0.0,) * variable.size
+            arrays[key] = np.array(starts).astype(C_TYPES[variable.c_type].dtype)
+        arrays[key][variable.element] = setting.value
+    for (c_type, reference), values in arrays.items():
+        instance.setter(c_type, np.array([reference], np.uint32), values)()

@@ -1,23 +1,25 @@
 """The log messages of FMUs, kept per instance instead of printed.
 
 FMI 2.0 loggers are variadic, which ctypes cannot receive: FMPy's native proxy formats the text first. The proxy knows
-one receiver per process, so there is one here, which finds the instance by its componentEnvironment.
+one receiver per process, so there is one here, which finds the instance by its componentEnvironment. FMI 3.0 hands
+over whole texts, so each instance has a receiver of its own.
 """
 
 from __future__ import annotations
 
 import ctypes
+import functools
 import itertools
+import weakref
 from collections import deque
 from dataclasses import dataclass
 from typing import Any
-from weakref import WeakValueDictionary
 
 import fmpy
-from fmpy import fmi2
+from fmpy import fmi2, fmi3
 
 LIMIT = 200  # messages kept per instance: an FMU that logs every step must not fill the memory
-WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4  # fmi2Status
+WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4  # fmi2Status, fmi3Status
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,8 @@ class Message:
 class Messages:
     """The last messages of one instance, and the C callbacks that bring them.
 
-    ``callbacks`` must live as long as the FMU's instance: FMI 2.0 hands over a pointer to it.
+    ``callbacks`` (FMI 2.0) and ``log_message`` (FMI 3.0) must live as long as the FMU's instance, which keeps pointers
+    to them.
     """
 
     def __init__(self, instance_name: str) -> None:
@@ -47,8 +50,13 @@ class Messages:
         self.callbacks.freeMemory = ctypes.cast(fmpy.free, fmi2.fmi2CallbackFreeMemoryTYPE)
         self.callbacks.componentEnvironment = key
         proxy = getattr(fmi2, "addLoggerProxy", None)
+        self.log_message: Any = fmi3.fmi3LogMessageCallback(functools.partial(_receive3, weakref.ref(self)))
         if proxy is not None:  # FMPy has no proxy for every platform: messages then keep their %s
             proxy(ctypes.byref(self.callbacks))
+
+    def keep(self, message: Message) -> None:
+        """Add a message; the oldest goes when there are too many."""
+        self.kept.append(message)
 
     def reason(self) -> str:
         """The last message of a failure, else the last of all; empty where there is none."""
@@ -62,7 +70,7 @@ class Messages:
 
 
 _keys = itertools.count(1)
-_receivers: WeakValueDictionary[int, Messages] = WeakValueDictionary()
+_receivers: weakref.WeakValueDictionary[int, Messages] = weakref.WeakValueDictionary()
 
 
 def _receive(environment: int | None, name: bytes | None, status: int, category: bytes | None,
@@ -72,11 +80,18 @@ def _receive(environment: int | None, name: bytes | None, status: int, category:
         wanted = _text(name)
         receiver = next((found for found in _receivers.values() if found.instance_name == wanted), None)
     if receiver is not None:
-        receiver.kept.append(Message(status, _text(category), " ".join(_text(text).split())))
+        receiver.keep(Message(status, _text(category), " ".join(_text(text).split())))
 
 
 def _text(raw: bytes | None) -> str:
     return "" if raw is None else raw.decode("utf-8", errors="replace")
+
+
+def _receive3(receiver: weakref.ref[Messages], environment: int | None, status: int, category: bytes | None,
+              text: bytes | None) -> None:
+    messages = receiver()
+    if messages is not None:
+        messages.keep(Message(status, _text(category), " ".join(_text(text).split())))
 
 
 _logger = fmi2.fmi2CallbackLoggerTYPE(_receive)

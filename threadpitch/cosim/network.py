@@ -1,164 +1,109 @@
-"""Running instances joined by their links, through arrays that are allocated once.
+"""Running instances joined by their links, through memory that is allocated once.
 
-Per kind of value there is one array of everything that is read from the instances and one of everything that is
-written to them; each node owns a stretch of both. Recording copies from the first, links copy from the first to the
-second. An algorithm only says in which order nodes receive, step and publish.
+What is read from the instances and what is written to them lie in one memory; each node owns a stretch of it for every
+kind of value. Links copy within the memory, recording copies from it. An algorithm only says in which order nodes
+receive, step and publish.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.check import Link
-from threadpitch.cosim.description import FmuVariable
-from threadpitch.cosim.errors import StepError
-from threadpitch.cosim.instance import DTYPES, KINDS, Instance, Transfer, Values
-from threadpitch.cosim.recording import Recorder
-
-
-class Node:
-    """One instance with its place in the arrays."""
-
-    def __init__(self, instance: Instance) -> None:
-        self.instance = instance
-        self.name = instance.name
-        self.receiving: list[Transfer] = []
-        self.getting: list[Transfer] = []
-        self.checking: list[Transfer] = []
-
-    def receive(self) -> None:
-        """Copy what the links bring and set it as inputs."""
-        for transfer in self.receiving:
-            transfer()
-
-    def get(self) -> None:
-        """Get what links and recording need."""
-        for transfer in self.getting:
-            transfer()
-
-    def publish(self) -> None:
-        """Get, and refuse to pass on what is not a number."""
-        for transfer in self.getting:
-            transfer()
-        for check in self.checking:
-            check()
-
-
-@dataclass(frozen=True)
-class Exchange:
-    """The values of one kind. ``written = factor * read[source] + offset``, ``row = read[recorded]``.
-
-    ``read`` (r,) is got from the instances, ``written`` (w,) is set in them; ``source``, ``factor`` and ``offset`` are
-    (w,), ``recorded`` (channels,).
-    """
-
-    read: Values
-    written: Values
-    source: NDArray[np.intp]
-    factor: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    recorded: NDArray[np.intp]
+from threadpitch.cosim.extrapolation import Samples
+from threadpitch.cosim.instance import Instance
+from threadpitch.cosim.layout import Layout
+from threadpitch.cosim.method import Method
+from threadpitch.cosim.node import Copy, Follow, Node, State, Watch, Wiring
+from threadpitch.cosim.recording import WIDTHS, Recorder
 
 
 class Network:
     """Nodes in their order, the values between them, and what is recorded of them.
 
-    ``time`` is the communication point that the values belong to; the algorithm keeps it up to date.
+    ``multiples`` (nodes,) counts the communication steps that each node's own step takes.
     """
 
-    def __init__(self, instances: Sequence[Instance], links: Iterable[Link], recorder: Recorder) -> None:
-        self.nodes = tuple(Node(instance) for instance in instances)
+    def __init__(self, instances: Sequence[Instance], links: Iterable[Link], recorder: Recorder,
+                 method: Method | None = None) -> None:
+        self.method = Method() if method is None else method
         self.recorder = recorder
-        self.time = recorder.schedule.start_time
-        links = tuple(links)
-        self.exchanges = {kind: self._join(kind, [link for link in links if link.source.kind == kind])
-                          for kind in KINDS}
-        self._rows = [(exchange.read, exchange.recorded, recorder.rows[kind])
-                      for kind, exchange in self.exchanges.items() if exchange.recorded.size]
+        self._links = tuple(links)
+        self._names = [instance.name for instance in instances]
+        self._layout = Layout(self._names, self._links, recorder.channels, self.method)
+        start = recorder.schedule.start_time
+        followed = sum(map(self.method.follows, self._links))
+        self.state = State(self._layout.memory, np.full(len(self._names), start), np.full(len(self._names), start),
+                           Samples.of(followed))
+        self.multiples = [self.method.multiples.get(name, 1) for name in self._names]
+        wirings = self._wirings()
+        self.nodes = tuple(Node(instance, number, wirings[instance.name], self.state)
+                           for number, instance in enumerate(instances))
+        self.recorded = {width: np.array([self._layout.source(found.component, found.variable) // width
+                                          for found in recorder.by_width[width]], np.intp) for width in WIDTHS}
+        self._rows = [(self.state.memory.view(f"i{width}"), self.recorded[width], recorder.rows[width])
+                      for width in WIDTHS if self.recorded[width].size]
 
-    def record(self, row: int) -> None:
-        """Copy the recorded values into a row."""
-        for read, recorded, rows in self._rows:
-            read.take(recorded, None, rows[row], "clip")  # "clip" lets NumPy write to the row without a buffer
-        self.recorder.filled = row + 1
+    def due(self, step: int) -> list[Node]:
+        """The nodes, in order, that have a communication point where step number ``step`` begins."""
+        return [node for node, multiple in zip(self.nodes, self.multiples, strict=True) if step % multiple == 0]
+
+    def record(self, step: int) -> None:
+        """Copy the recorded values into the row of the point where step number ``step`` begins, if it has one."""
+        self.recorder.steps = step
+        row, rest = divmod(step, self.recorder.every)
+        if rest == 0:
+            for memory, recorded, rows in self._rows:
+                memory.take(recorded, None, rows[row], "clip")  # "clip" lets NumPy write to the row without a buffer
+            self.recorder.filled = row + 1
 
     def written_bits(self) -> bytes:
         """All values that links bring, as bits: tells whether anything changed."""
-        return b"".join(exchange.written.tobytes() for exchange in self.exchanges.values())
+        return b"".join(port.values.tobytes() for node in self.nodes for port in node.wiring.written)
 
-    def _join(self, kind: str, links: Sequence[Link]) -> Exchange:
-        """Lay out the arrays of one kind, stretch by stretch, and bind the nodes' transfers to them."""
-        channels = self.recorder.channels[kind]
-        wanted: dict[str, dict[str, FmuVariable]] = {node.name: {} for node in self.nodes}
-        for channel in channels:
-            wanted[channel.component][channel.variable.name] = channel.variable
-        for link in links:
-            wanted[link.source_component][link.source.name] = link.source
-        incoming = [link for node in self.nodes for link in links if link.target_component == node.name]
-        slots = [(name, variable) for name, variables in wanted.items() for variable in variables]
-        slot = {key: number for number, key in enumerate(slots)}
-        offset = np.array([link.offset for link in incoming])
-        exchange = Exchange(
-            read=np.zeros(len(slots), DTYPES[kind]),
-            written=np.zeros(len(incoming), DTYPES[kind]),
-            source=np.array([slot[link.source_component, link.source.name] for link in incoming], np.intp),
-            factor=np.array([link.factor for link in incoming]),
-            # x + (-0.0) is x for every x, a zero's sign included; x + 0.0 is not.
-            offset=np.where(offset == 0.0, -0.0, offset),
-            recorded=np.array([slot[channel.component, channel.variable.name] for channel in channels], np.intp),
-        )
-        first_read = first_written = 0
-        for node in self.nodes:
-            variables = tuple(wanted[node.name].values())
-            targets = [link.target for link in incoming if link.target_component == node.name]
-            self._bind_get(node, kind, variables, exchange.read[first_read:first_read + len(variables)])
-            _bind_receive(node, kind, targets, (exchange, slice(first_written, first_written + len(targets))))
-            first_read += len(variables)
-            first_written += len(targets)
-        return exchange
+    def _wirings(self) -> dict[str, Wiring]:
+        layout = self._layout
+        copies: dict[str, list[Copy]] = {name: [] for name in self._names}
+        follows: dict[str, list[Follow]] = {name: [] for name in self._names}
+        number = 0
+        for link in self._links:
+            if self.method.follows(link):
+                follows[link.target_component].append(self._follow(link, number))
+                number += 1
+            else:
+                copies[link.target_component].append(self._copy(link))
+        wirings = {}
+        for name in self._names:
+            following = layout.followed.get(name)
+            wirings[name] = Wiring(
+                read=layout.read[name],
+                written=layout.held[name] + (() if following is None else (following.port,)),
+                following=following,
+                copies=tuple(copies[name]),
+                follows=tuple(follows[name]),
+                watched=tuple(self._watched(name)),
+            )
+        return wirings
 
-    def _bind_get(self, node: Node, kind: str, variables: Sequence[FmuVariable], values: Values) -> None:
-        if not variables:
-            return
-        node.getting.append(node.instance.getter(kind, _references(variables), values))
-        if kind != "Real":
-            return
+    def _copy(self, link: Link) -> Copy:
+        return Copy(link.source.c_type, self._layout.source(link.source_component, link.source),
+                    link.target.c_type, self._layout.target(link.target_component, link.target),
+                    link.factor, link.offset)
 
-        def check() -> None:
-            # A quick look first: the sum is NaN when an element is, or when infinities cancel.
-            if math.isnan(sum(values.tolist())) and np.isnan(values).any():
-                name = variables[int(np.flatnonzero(np.isnan(values))[0])].name
-                raise StepError(f"{node.name}: {name} is not a number (NaN) at t = {self.time:.9g} s; "
-                                "look at the component's inputs and parameters",
-                                component=node.name, time=self.time, status="nan")
+    def _follow(self, link: Link, number: int) -> Follow:
+        following = self._layout.followed[link.target_component]
+        copy = self._copy(link)
+        place = (copy.target - following.port.offset) // 8
+        order, size = following.derivatives.shape
+        first = following.offset // 8 + place
+        return Follow(copy, number, self._names.index(link.source_component),
+                      tuple(first + size * one for one in range(order)))
 
-        node.checking.append(check)
-
-
-def _bind_receive(node: Node, kind: str, targets: Sequence[FmuVariable], place: tuple[Exchange, slice]) -> None:
-    if not targets:
-        return
-    exchange, stretch = place
-    read, written, source = exchange.read, exchange.written[stretch], exchange.source[stretch]
-    factor, offset = exchange.factor[stretch], exchange.offset[stretch]
-    set_inputs = node.instance.setter(kind, _references(targets), written)
-
-    def copy() -> None:
-        read.take(source, None, written, "clip")
-
-    def copy_converted() -> None:
-        read.take(source, None, written, "clip")
-        np.multiply(written, factor, written)
-        np.add(written, offset, written)
-
-    converts = bool(np.any(factor != 1.0) or np.any(offset != 0.0))
-    node.receiving += [copy_converted if converts else copy, set_inputs]
-
-
-def _references(variables: Sequence[FmuVariable]) -> NDArray[np.uint32]:
-    return np.array([variable.reference for variable in variables], np.uint32)
+    def _watched(self, name: str) -> list[Watch]:
+        variables = {found.variable.name: found.variable for found in self.recorder.channels if found.component == name}
+        variables |= {link.source.name: link.source for link in self._links if link.source_component == name}
+        return [Watch(found.c_type, self._layout.source(name, found), found.name) for found in variables.values()
+                if C_TYPES[found.c_type].family == "Real"]

@@ -6,7 +6,7 @@ import csv
 import io
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -14,14 +14,16 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from threadpitch.cosim.description import FmuVariable
+from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.errors import CosimError
-from threadpitch.cosim.instance import DTYPES, KINDS, Values
 from threadpitch.cosim.schedule import Schedule
 from threadpitch.cosim.system import nearest
+from threadpitch.cosim.variable import FmuVariable
 
-Column: TypeAlias = NDArray[Any]  # (rows,) float64, int32 or bool
+Column: TypeAlias = NDArray[Any]  # (rows,)
+WIDTHS = (8, 4, 2, 1)  # bytes of a value
 _BLOCK = 4096  # rows of a CSV that are written at once
+_FAMILIES = ("Real", "Integer", "Boolean")
 
 
 @dataclass(frozen=True)
@@ -36,54 +38,66 @@ class Channel:
         """``component.variable``."""
         return f"{self.component}.{self.variable.name}"
 
+    @property
+    def width(self) -> int:
+        """Bytes of a value."""
+        return C_TYPES[self.variable.c_type].dtype.itemsize
+
 
 class Recorder:
-    """Rows of values at the communication points, in arrays that are allocated once.
+    """Rows of values at every n-th communication point, in arrays that are allocated once.
 
-    ``rows[kind]`` has the shape (steps + 1, channels of this kind); row n belongs to ``start + n * step_size``, row 0
-    to the values after initialisation. ``filled`` counts the rows that are valid.
+    ``rows[width]`` holds the channels whose values have ``width`` bytes, (rows, channels of this width), as whole
+    numbers with the values' bits. Row r belongs to the communication point r * every, row 0 to the values after
+    initialisation. ``filled`` counts the rows that are valid, ``steps`` the steps that were computed.
 
     Raises (the class itself):
-        CosimError: the rows do not fit into the memory.
+        CosimError: the rows do not fit into the memory, or ``every`` is not a positive whole number.
     """
 
-    def __init__(self, channels: Sequence[Channel], schedule: Schedule) -> None:
+    def __init__(self, channels: Sequence[Channel], schedule: Schedule, every: int = 1) -> None:
+        if not isinstance(every, int) or every < 1:
+            raise CosimError(f"every {every!r}-th step cannot be recorded; give 1 or more")
         self.schedule = schedule
-        self.channels = {kind: tuple(channel for channel in channels if channel.variable.kind == kind)
-                         for kind in KINDS}
-        count = schedule.steps + 1
+        self.every = every
+        self.channels = tuple(channels)
+        self.by_width = {width: tuple(found for found in channels if found.width == width) for width in WIDTHS}
+        self.count = schedule.steps // every + 1
         try:
-            self.rows: dict[str, Values] = {
-                kind: np.empty((count, len(found)), DTYPES[kind]) for kind, found in self.channels.items()}
+            self.rows = {width: np.empty((self.count, len(found)), f"i{width}")
+                         for width, found in self.by_width.items()}
         except (MemoryError, ValueError):
-            raise CosimError(f"{count} rows of {len(channels)} variables do not fit into the memory; record fewer "
-                             "variables or take a larger step") from None
+            raise CosimError(f"{self.count} rows of {len(channels)} variables do not fit into the memory; record fewer "
+                             "variables, every n-th step only, or take a larger step") from None
         self.filled = 0
+        self.steps = 0
 
 
 class Result(Mapping[str, Column]):
     """The recorded variables of a run by ``component.variable``, each (rows,); ``time`` (rows,) in seconds.
 
-    The rows are the communication points ``start + n * step_size``: n = 0 after initialisation, then after every step.
-    Real variables are float64, Integers and Enumerations int32, Booleans bool; units are those of the FMUs. A run
-    that was stopped holds the rows up to then; ``completed`` tells.
+    The rows are the communication points ``start + n * step_size``: n = 0 after initialisation, then after every step,
+    or after every n-th where that was asked for. Real variables are float64, Integers and Enumerations of FMI 2.0
+    int32, Booleans bool, those of FMI 3.0 have the type of the FMU; units are those of the FMUs. A run that was
+    stopped holds the rows up to then; ``completed`` tells.
     """
 
     def __init__(self, recorder: Recorder, *, wall_time: float = 0.0, order: Sequence[str] = (),
                  warnings: Sequence[str] = ()) -> None:
         self.schedule = recorder.schedule
-        self.steps = max(recorder.filled - 1, 0)
-        self.completed = recorder.filled == recorder.schedule.steps + 1
+        self.steps = recorder.steps
+        self.completed = recorder.filled == recorder.count and recorder.steps == recorder.schedule.steps
         self.wall_time = wall_time  # s
         self.order = tuple(order)
         self.warnings = tuple(warnings)
-        self.time: NDArray[np.float64] = recorder.schedule.times(recorder.filled)
-        self.units: dict[str, str | None] = {}
-        self._columns: dict[str, tuple[Values, int, bool]] = {}
-        for kind, channels in recorder.channels.items():
-            for number, channel in enumerate(channels):
-                self.units[channel.name] = channel.variable.unit
-                self._columns[channel.name] = (recorder.rows[kind][:recorder.filled], number, kind == "Boolean")
+        self.time: NDArray[np.float64] = recorder.schedule.times(recorder.filled, recorder.every)
+        self.units = {channel.name: channel.variable.unit for channel in _sorted(recorder.channels)}
+        self._columns: dict[str, tuple[NDArray[Any], int, bool]] = {}
+        places = {channel.name: place for found in recorder.by_width.values() for place, channel in enumerate(found)}
+        for channel in _sorted(recorder.channels):
+            one = C_TYPES[channel.variable.c_type]
+            rows = recorder.rows[channel.width][:recorder.filled].view(one.dtype)
+            self._columns[channel.name] = (rows, places[channel.name], one.family == "Boolean")
 
     def __getitem__(self, name: str) -> Column:
         if name == "time":
@@ -135,6 +149,12 @@ class Result(Mapping[str, Column]):
     def _block(self, rows: slice) -> str:
         """The lines of some rows: whole columns become text at once, which is several times faster than row by row."""
         columns = [map(repr, self.time[rows].tolist())]
-        for values, number, _ in self._columns.values():
-            columns.append(map(repr, values[rows, number].tolist()))
+        for values, number, truth in self._columns.values():
+            column = values[rows, number]
+            columns.append(map(repr, ((column != 0).astype(np.int8) if truth else column).tolist()))
         return "".join(",".join(line) + "\n" for line in zip(*columns, strict=True))
+
+
+def _sorted(channels: Iterable[Channel]) -> list[Channel]:
+    """Real variables first, then whole numbers, then Booleans."""
+    return sorted(channels, key=lambda channel: _FAMILIES.index(C_TYPES[channel.variable.c_type].family))

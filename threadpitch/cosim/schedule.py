@@ -59,6 +59,6 @@ class Schedule:
         """The communication point where step number ``step`` begins."""
         return self.start_time + step * self.step_size
 
-    def times(self, count: int) -> NDArray[np.float64]:
-        """The first ``count`` communication points."""
-        return self.start_time + np.arange(count, dtype=np.float64) * self.step_size
+    def times(self, count: int, every: int = 1) -> NDArray[np.float64]:
+        """The first ``count`` communication points, or of every so many one."""
+        return self.start_time + np.arange(count, dtype=np.float64) * every * self.step_size

@@ -9,16 +9,16 @@ from typing import TypeAlias
 
 import numpy as np
 
-from threadpitch.cosim.description import FmuVariable
+from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.system import ParameterValue, Value, nearest
+from threadpitch.cosim.variable import FmuVariable
 from threadpitch.units import Unit, UnitError, between, unit
 
 Known: TypeAlias = Callable[[str], Unit]  # finds a unit by its name, or raises UnitError
 Given: TypeAlias = Value | Sequence[Value]  # what a caller may hand over for a variable or a whole array
 
 _QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
-_INT32 = (-(2**31), 2**31 - 1)  # FMI 2.0 carries Integers in 32 bits
 _TRUTH = {"true": True, "1": True, "false": False, "0": False}
 
 
@@ -37,9 +37,9 @@ def parse_value(text: str, variable: FmuVariable, known: Known = unit) -> Value:
             quantity, or the value lies outside of the variable's minimum and maximum.
     """
     text = text.strip()
-    if variable.type == "String":
+    if variable.family == "String":
         return text
-    if variable.type == "Boolean":
+    if variable.family == "Boolean":
         if text.lower() not in _TRUTH:
             raise VariableValueError(f"{text!r} is not a Boolean; write true or false")
         return _TRUTH[text.lower()]
@@ -49,14 +49,15 @@ def parse_value(text: str, variable: FmuVariable, known: Known = unit) -> Value:
     if match is None:
         if variable.choices:
             raise VariableValueError(f"{text!r} is not a choice{nearest(text, variable.choices)}")
-        example = "10 or 10mm" if variable.type == "Real" else "10"
+        example = "10 or 10mm" if variable.family == "Real" else "10"
         raise VariableValueError(f"{text!r} is not a number; write it like {example}")
     number, written = match.groups()
-    if variable.type == "Real":
+    if variable.family == "Real":
         return _in_range(_from_unit(float(number), written or None, variable, known), variable)
     if written:
         raise VariableValueError(f"{text!r} has a unit, but the variable is a plain {variable.type}; write {number}")
-    return from_si(float(number), variable, known)
+    # A float would round whole numbers of more than 53 bits.
+    return from_si(int(number) if number.lstrip("+-").isdecimal() else float(number), variable, known)
 
 
 def from_si(value: object, variable: FmuVariable, known: Known = unit) -> Value:
@@ -72,16 +73,16 @@ def from_si(value: object, variable: FmuVariable, known: Known = unit) -> Value:
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, bool):
-        if variable.type != "Boolean":
+        if variable.family != "Boolean":
             raise VariableValueError(f"{value} is a truth value, but the variable is {variable.type}")
         return value
     if not isinstance(value, int | float):
         raise VariableValueError(f"{value!r} is not a number, truth value or text")
-    match variable.type:
+    match variable.family:
         case "Boolean" if value in (0, 1):
             return bool(value)
         case "Integer" | "Enumeration":
-            return _in_range(_whole(value), variable)
+            return _in_range(_whole(value, variable), variable)
         case "Real":
             try:
                 number = float(value)
@@ -99,8 +100,8 @@ def from_parameter_set(value: ParameterValue, variable: FmuVariable, known: Know
         VariableValueError: as ``from_si``.
     """
     given = value.value
-    if variable.type != "Real" or isinstance(given, bool | str):
-        if isinstance(given, str) and variable.type not in ("String", "Enumeration"):
+    if variable.family != "Real" or isinstance(given, bool | str):
+        if isinstance(given, str) and variable.family not in ("String", "Enumeration"):
             raise VariableValueError(f"{given!r} is a text, but the variable is {variable.type}")
         return from_si(given, variable, known)
     if value.unit is None:
@@ -133,12 +134,13 @@ def _from_unit(number: float, written: str | None, variable: FmuVariable, known:
     return number if (factor, offset) == (1.0, 0.0) else factor * number + offset
 
 
-def _whole(value: float) -> int:
-    if not math.isfinite(value) or value != math.floor(value):
+def _whole(value: float, variable: FmuVariable) -> int:
+    if isinstance(value, float) and not value.is_integer():
         raise VariableValueError(f"{value} is not a whole number")
-    number = int(value)
-    if not _INT32[0] <= number <= _INT32[1]:
-        raise VariableValueError(f"{number} does not fit into 32 bits")
+    number, bounds = int(value), np.iinfo(C_TYPES[variable.c_type].dtype)
+    if not bounds.min <= number <= bounds.max:
+        sign = "" if bounds.min else " without sign"
+        raise VariableValueError(f"{number} does not fit into {bounds.bits} bits{sign}")
     return number
 
 

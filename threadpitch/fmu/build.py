@@ -1,66 +1,55 @@
-"""FMUs from model files: PythonFMU FMUs of FMI 2.0, built when needed and kept by content.
-
-The archive is put together here, not by ``pythonfmu.FmuBuilder``: that one imports the script into this process, writes
-its own description (no units, random GUID, time of the build) and archives entries with the times of temporary files.
-What it would pack is packed: PythonFMU's own package and its libraries, unchanged.
-"""
+"""FMUs from model files: PythonFMU or native, FMI 2.0 or 3.0, built when needed and kept by content."""
 
 from __future__ import annotations
 
 import functools
 import hashlib
-import importlib.metadata
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import threadpitch
-from threadpitch.fmu.archive import write_archive
-from threadpitch.fmu.description import Flavor, model_description
-from threadpitch.fmu.documentation import html_page, icon
+from threadpitch.fmu import native, python_fmu
+from threadpitch.fmu.cache import cache_folder
+from threadpitch.fmu.compiler import platform_named
+from threadpitch.fmu.documentation import icon
+from threadpitch.fmu.failure import BuildError
 from threadpitch.fmu.licenses import licenses
 from threadpitch.fmu.model import Model, read_model
-from threadpitch.fmu.plain import content_hash, plain_module
-from threadpitch.fmu.script import adapter_script
 
-_CARRIED = ("pythonfmu", "threadpitch")  # the distributions whose code is in an FMU
-_LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
+FLAVORS = ("python", "native")
 
 
-class BuildError(ValueError):
-    """An FMU cannot be built: what is missing, and how to mend it."""
+@dataclass(frozen=True)
+class _Builder:
+    """A way of building: the function, and what the result depends on beside the model."""
+
+    build: Callable[[Model, Path | str], Path]
+    fmi: int
+    key: tuple[str, ...]
 
 
-def build_python_fmu(model: Model, folder: Path | str) -> Path:
-    """Build ``<ClassName>.fmu`` (FMI 2.0 co-simulation by PythonFMU) in the folder; equal models give equal bytes.
+def build_fmu(model_path: Path | str, folder: Path | str, flavor: str = "python", *, fmi: int = 2,
+              platforms: Sequence[str] | None = None) -> Path:
+    """Build the FMU of a model file; one of FMI 3 goes into ``fmi3`` inside the folder.
 
-    Raises:
-        ModelError: the model leaves the subset.
-        BuildError: PythonFMU is not complete.
-        OSError: the folder cannot be written.
-    """
-    path = Path(folder) / f"{model.class_name}.fmu"
-    write_archive(path, _python_entries(model))
-    return path
-
-
-_FLAVORS: dict[str, Callable[[Model, Path | str], Path]] = {"python": build_python_fmu}
-
-
-def build_fmu(model_path: Path | str, folder: Path | str, flavor: str = "python") -> Path:
-    """Build the FMU of a model file in this flavor.
+    ``platforms`` names those of a native FMU (``linux64``, ``win64``, ``darwin64``, or as FMI 3 does:
+    ``aarch64-linux``); None stands for this machine.
 
     Raises:
-        ModelError: the file is not a model, or leaves the subset.
-        BuildError: the flavor is not known, or what it needs is missing.
+        ModelError: the file is not a model, leaves the subset, or does not translate (file, line, construct).
+        BuildError: flavor, version or platform are not known or do not fit, or what they need is missing.
         OSError: the folder cannot be written.
     """
-    return _builder(flavor)(read_model(model_path), folder)
+    builder = _builder(flavor, fmi, platforms)
+    return builder.build(read_model(model_path), folder)
 
 
-def cached_fmu(model_path: Path | str, flavor: str = "python") -> Path:
-    """The FMU of a model file from the cache, built when it is not there.
+def cached_fmu(model_path: Path | str, flavor: str = "python", *, fmi: int = 2,
+               platforms: Sequence[str] | None = None) -> Path:
+    """The FMU of a model file from the cache, built when it is not there; arguments as in ``build_fmu``.
 
     The folder's name is a hash of all that the FMU is made from, and the file appears in one move: two processes may
     build at once. The cache is in the user's cache folder, or where ``THREADPITCH_CACHE`` says.
@@ -68,34 +57,33 @@ def cached_fmu(model_path: Path | str, flavor: str = "python") -> Path:
     Raises:
         ModelError, BuildError, OSError: as ``build_fmu``.
     """
-    build = _builder(flavor)
+    builder = _builder(flavor, fmi, platforms)
     model = read_model(model_path)
-    folder = cache_folder() / "fmu" / _content_key(model, flavor)
-    path = folder / f"{model.class_name}.fmu"
-    return path if path.is_file() else build(model, folder)
+    folder = cache_folder() / "fmu" / _content_key(model, builder)
+    path = native.fmu_path(model, folder, builder.fmi)
+    return path if path.is_file() else builder.build(model, folder)
 
 
-def cache_folder() -> Path:
-    """``THREADPITCH_CACHE``, or the platform's folder for caches of this user."""
-    chosen = os.environ.get("THREADPITCH_CACHE")
-    if chosen:
-        return Path(chosen)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "threadpitch" / "cache"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "threadpitch"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "threadpitch"
+def _builder(flavor: str, fmi: int, platforms: Sequence[str] | None) -> _Builder:
+    if flavor not in FLAVORS:
+        raise BuildError(f"flavor {flavor!r} is not known; choose one of {', '.join(FLAVORS)}")
+    if flavor == "python":
+        if fmi != 2:
+            raise BuildError(f"PythonFMU makes FMUs of FMI 2.0, not {fmi}.0; use --flavor native for FMI 3.0")
+        if platforms is not None:
+            raise BuildError("a PythonFMU FMU holds the libraries that PythonFMU has; leave --platform out, "
+                             "or use --flavor native")
+        return _Builder(python_fmu.build_python_fmu, fmi, (flavor,))
+    named = None if platforms is None else [platform_named(name) for name in dict.fromkeys(platforms)]
+    build = native.native_build(fmi, named)
+    compilers = (f"{target.name} {' '.join(one.command)} {one.version}" for target, one in build.compilers.items())
+    return _Builder(lambda model, folder: native.build_native_fmu(model, folder, build), fmi,
+                    (flavor, str(fmi), *sorted(compilers)))
 
 
-def _builder(flavor: str) -> Callable[[Model, Path | str], Path]:
-    if flavor not in _FLAVORS:
-        raise BuildError(f"flavor {flavor!r} is not known; choose one of {', '.join(_FLAVORS)}")
-    return _FLAVORS[flavor]
-
-
-def _content_key(model: Model, flavor: str) -> str:
+def _content_key(model: Model, builder: _Builder) -> str:
     digest = hashlib.sha256(_builder_hash().encode())
-    for part in (flavor, os.environ.get("SOURCE_DATE_EPOCH", ""), model.path.name, model.source):
+    for part in (*builder.key, os.environ.get("SOURCE_DATE_EPOCH", ""), model.path.name, model.source):
         digest.update(part.encode() + b"\0")
     digest.update(icon(model))
     return digest.hexdigest()[:32]
@@ -103,50 +91,14 @@ def _content_key(model: Model, flavor: str) -> str:
 
 @functools.cache
 def _builder_hash() -> str:
-    """Hash of what builds: this package, the table of units, PythonFMU, and the Python that writes the modules."""
+    """Hash of what builds: this package, the table of units, what FMUs carry, and the Python that writes modules."""
     folder = Path(__file__).parent
     digest = hashlib.sha256(f"{threadpitch.__version__} {sys.version_info[:2]}".encode())
     for path in [*sorted(folder.glob("*.py")), folder.parent / "units.py"]:
         digest.update(path.read_bytes())
-    for name, content in (_pythonfmu_entries("Model") | licenses(*_CARRIED)).items():
+    carried = licenses(*sorted({*python_fmu.CARRIED, *native.CARRIED})) | python_fmu.pythonfmu_entries("Model")
+    for fmi in native.VERSIONS:
+        carried |= native.wrapper_files(fmi)
+    for name, content in carried.items():
         digest.update(name.encode() + content)
     return digest.hexdigest()
-
-
-def _python_entries(model: Model) -> dict[str, bytes]:
-    plain = plain_module(model)
-    script = adapter_script(model, plain)
-    entries = _pythonfmu_entries(model.class_name)
-    content = content_hash(script.text + "".join(f"{name} {hashlib.sha256(entries[name]).hexdigest()}"
-                                                 for name in sorted(entries)))
-    tool = f"threadpitch {threadpitch.__version__} with PythonFMU {importlib.metadata.version('pythonfmu')}"
-    flavor = Flavor("python", tool,
-                    plain.name.rpartition("_")[2], needs_execution_tool=True, content=content)
-    return entries | licenses(*_CARRIED) | {
-        "modelDescription.xml": model_description(model, flavor),
-        "model.png": icon(model),
-        "documentation/index.html": html_page(model).encode(),
-        "resources/slavemodule.txt": script.name.encode(),
-        f"resources/{plain.name}.py": plain.text.encode(),
-        f"resources/{script.name}.py": script.text.encode(),
-    }
-
-
-def _pythonfmu_folder() -> Path:
-    # by its distribution, not by import: a loaded FMU has put its own copy, without libraries, first on sys.path
-    try:
-        return Path(str(importlib.metadata.distribution("pythonfmu").locate_file("pythonfmu")))
-    except importlib.metadata.PackageNotFoundError as error:
-        raise BuildError("PythonFMU is not installed; install it with: pip install pythonfmu==0.7.0") from error
-
-
-def _pythonfmu_entries(model_identifier: str) -> dict[str, bytes]:
-    """PythonFMU's package for ``resources/pythonfmu`` and its libraries for ``binaries/<platform>``."""
-    folder = _pythonfmu_folder()
-    entries = {f"resources/pythonfmu/{path.name}": path.read_bytes() for path in folder.glob("*.py")}
-    libraries = [path for path in (folder / "resources" / "binaries").glob("*/*") if path.suffix in _LIBRARY_SUFFIXES]
-    if not libraries:
-        raise BuildError(f"{folder} holds no libraries; install PythonFMU from its wheel: pip install pythonfmu==0.7.0")
-    for path in libraries:
-        entries[f"binaries/{path.parent.name}/{model_identifier}{path.suffix}"] = path.read_bytes()
-    return entries

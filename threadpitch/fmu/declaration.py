@@ -13,11 +13,11 @@ from threadpitch.units import UnitError, compatible, unit
 KINDS = {"float": float, "int": int, "bool": bool}
 INTEGER_LEAST, INTEGER_GREATEST = -(2**31), 2**31 - 1  # fmi2Integer and FMI 3 Int32
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-# Members of the translated C struct have these names too.
+# Members of the translated C struct have these names too; time is the independent variable of FMI 3.
 _RESERVED = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool complex
-    imaginary true false near far errno stdin stdout stderr assert offsetof is_freed linux unix
+    imaginary true false time near far errno stdin stdout stderr assert offsetof is_freed linux unix
 """
 _C_WORDS = frozenset(_RESERVED.split())
 

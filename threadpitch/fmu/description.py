@@ -8,13 +8,22 @@ from __future__ import annotations
 import datetime
 import os
 import uuid
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from threadpitch.fmu import dependencies
 from threadpitch.fmu.model import Model, Scalar, scalars
-from threadpitch.fmu.quantities import described, has_start, simple_type, simple_types, unit_uses, variability
+from threadpitch.fmu.quantities import (
+    UnitUse,
+    described,
+    has_start,
+    simple_type,
+    simple_types,
+    unit_uses,
+    variability,
+)
 from threadpitch.units import Unit
 
 LOG_CATEGORIES = {
@@ -36,6 +45,12 @@ class Flavor:
     model_version: str
     needs_execution_tool: bool
     content: str  # hexadecimal hash of everything that the FMU calculates with
+    source_files: tuple[str, ...] = ()  # C files in sources/
+
+    @property
+    def native(self) -> bool:
+        """Whether the FMU is machine code: it can interpolate inputs and give the outputs' derivatives."""
+        return not self.needs_execution_tool
 
 
 def guid(model: Model, flavor: Flavor) -> str:
@@ -54,38 +69,61 @@ def build_date() -> str | None:
 def model_description(model: Model, flavor: Flavor) -> bytes:
     """The bytes of modelDescription.xml (FMI 2.0, co-simulation); equal input gives equal bytes."""
     all_scalars = scalars(model)
-    root = Element("fmiModelDescription", _root_attributes(model, flavor))
-    SubElement(root, "CoSimulation", {
-        "modelIdentifier": model.class_name,
-        "needsExecutionTool": _boolean(flavor.needs_execution_tool),
-        "canHandleVariableCommunicationStepSize": "true",
-        "canGetAndSetFMUstate": "true",
-        "canSerializeFMUstate": "true",
-        "canNotUseMemoryManagementFunctions": "true",
-    })
-    _add_units(root, model)
+    attributes = {"fmiVersion": "2.0", "modelName": model.class_name, "guid": guid(model, flavor)}
+    root = Element("fmiModelDescription", attributes | general_attributes(model, flavor))
+    _add_co_simulation(root, model, flavor)
+    add_units(root, unit_uses(model))
     _add_types(root, model)
-    categories = SubElement(root, "LogCategories")
-    for name, text in LOG_CATEGORIES.items():
-        SubElement(categories, "Category", {"name": name, "description": text})
-    if model.experiment is not None:
-        SubElement(root, "DefaultExperiment", {
-            "startTime": repr(float(model.experiment.start_time)),
-            "stopTime": repr(float(model.experiment.stop_time)),
-            "stepSize": repr(float(model.experiment.step_size)),
-        })
+    add_log_categories(root, LOG_CATEGORIES)
+    add_experiment(root, model)
     variables = SubElement(root, "ModelVariables")
     for scalar in all_scalars:
         _add_variable(variables, scalar)
     _add_structure(root, model, all_scalars)
+    return written(root)
+
+
+def written(root: Element) -> bytes:
+    """The bytes of an XML file, indented."""
     ElementTree.indent(root, "  ")
-    written: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
-    return written + b"\n"
+    text: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return text + b"\n"
 
 
-def _root_attributes(model: Model, flavor: Flavor) -> dict[str, str]:
+def _add_co_simulation(root: Element, model: Model, flavor: Flavor) -> None:
+    attributes = {
+        "modelIdentifier": model.class_name,
+        "needsExecutionTool": boolean(flavor.needs_execution_tool),
+        "canHandleVariableCommunicationStepSize": "true",
+        "canGetAndSetFMUstate": "true",
+        "canSerializeFMUstate": "true",
+        "canNotUseMemoryManagementFunctions": "true",
+    }
+    if flavor.native and interpolated(model):
+        attributes["canInterpolateInputs"] = "true"
+    if flavor.native and differentiated(model):
+        attributes["maxOutputDerivativeOrder"] = "1"
+    element = SubElement(root, "CoSimulation", attributes)
+    if flavor.source_files:
+        files = SubElement(element, "SourceFiles")
+        for name in flavor.source_files:
+            SubElement(files, "File", {"name": name})
+
+
+def interpolated(model: Model) -> bool:
+    """Whether an input takes time derivatives."""
+    return any(variable.derivatives for variable in model.variables)
+
+
+def differentiated(model: Model) -> bool:
+    """Whether an output has a time derivative."""
+    return any(variable.derivative is not None for variable in model.variables)
+
+
+def general_attributes(model: Model, flavor: Flavor) -> dict[str, str]:
+    """The attributes of the root that FMI 2.0 and 3.0 share."""
     summary = model.description.split("\n\n")[0].split()
-    attributes = {"fmiVersion": "2.0", "modelName": model.class_name, "guid": guid(model, flavor)}
+    attributes = {}
     if summary:
         attributes["description"] = " ".join(summary)
     attributes["version"] = flavor.model_version
@@ -97,8 +135,25 @@ def _root_attributes(model: Model, flavor: Flavor) -> dict[str, str]:
     return attributes
 
 
-def _add_units(root: Element, model: Model) -> None:
-    uses = unit_uses(model)
+def add_log_categories(root: Element, categories: Mapping[str, str]) -> None:
+    """LogCategories, the same in FMI 2.0 and 3.0."""
+    listed = SubElement(root, "LogCategories")
+    for name, text in categories.items():
+        SubElement(listed, "Category", {"name": name, "description": text})
+
+
+def add_experiment(root: Element, model: Model) -> None:
+    """DefaultExperiment, the same in FMI 2.0 and 3.0."""
+    if model.experiment is not None:
+        SubElement(root, "DefaultExperiment", {
+            "startTime": repr(float(model.experiment.start_time)),
+            "stopTime": repr(float(model.experiment.stop_time)),
+            "stepSize": repr(float(model.experiment.step_size)),
+        })
+
+
+def add_units(root: Element, uses: Sequence[UnitUse]) -> None:
+    """UnitDefinitions, the same in FMI 2.0 and 3.0."""
     if not uses:
         return
     definitions = SubElement(root, "UnitDefinitions")
@@ -149,15 +204,15 @@ def _add_variable(variables: Element, scalar: Scalar) -> None:
             attributes["displayUnit"] = variable.display
     for name, value in (("min", variable.min), ("max", variable.max), ("nominal", variable.nominal)):
         if value is not None:
-            attributes[name] = _number(value, variable.kind)
+            attributes[name] = number(value, variable.kind)
     if has_start(variable):
-        attributes["start"] = _number(variable.start, variable.kind)
+        attributes["start"] = number(variable.start, variable.kind)
     SubElement(element, _ELEMENTS[variable.kind], attributes)
     if variable.choices:  # an Integer, because importers leave Enumerations out; the names are for our own master
         tool = SubElement(SubElement(element, "Annotations"), "Tool", {"name": "threadpitch"})
         choices = SubElement(tool, "Choices")
-        for name, number in variable.choices.items():
-            SubElement(choices, "Choice", {"name": name, "value": str(number)})
+        for name, value in variable.choices.items():
+            SubElement(choices, "Choice", {"name": name, "value": str(value)})
 
 
 def _add_structure(root: Element, model: Model, all_scalars: tuple[Scalar, ...]) -> None:
@@ -182,11 +237,13 @@ def _add_unknown(parent: Element, scalar: Scalar, known: tuple[Scalar, ...]) -> 
     })
 
 
-def _number(value: float | int | bool, kind: str) -> str:
+def number(value: float | int | bool, kind: str) -> str:
+    """A value of this kind ("float", "int" or "bool") in XML; floats read back bit for bit."""
     if kind == "bool":
-        return _boolean(bool(value))
+        return boolean(bool(value))
     return repr(float(value)) if kind == "float" else str(value)
 
 
-def _boolean(value: bool) -> str:
+def boolean(value: bool) -> str:
+    """``true`` or ``false``."""
     return "true" if value else "false"

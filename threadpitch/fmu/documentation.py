@@ -44,7 +44,30 @@ def html_page(model: Model) -> str:
         parts += ["<h2>Errors</h2>", "<ul>"]
         parts += [f"<li>{number}: {html.escape(text)}</li>" for number, text in sorted(model.errors.items())]
         parts.append("</ul>")
+    parts.append('<p><a href="upgrade.html">Replacing this FMU by a newer one</a></p>')
     return "\n".join([*parts, "</body>", "</html>", ""])
+
+
+def upgrade_page(model: Model) -> str:
+    """``documentation/upgrade.html``: what stays when this FMU is replaced by a newer one, and how to find out."""
+    name = model.class_name
+    return "\n".join([
+        "<!DOCTYPE html>", '<html lang="en">', "<head>", '<meta charset="utf-8">',
+        f"<title>{name}: upgrade</title>", f"<style>{_STYLE}</style>", "</head>", "<body>",
+        f"<h1>{name}: replacing this FMU by a newer one</h1>",
+        "<p>The names of the variables, their types and their units are stable: a newer version keeps them, and may "
+        "add variables. Refer to variables by name. Value references, the GUID (FMI 3: instantiation token) and saved "
+        "FMU states belong to one build and change with it.</p>",
+        "<ol>",
+        "<li>Replace the file and load the FMU again, so that the tool reads the new model description.</li>",
+        f"<li>Compare <code>reference/{name}_ref.csv</code> of both versions: the outputs of the same short run "
+        f"with the inputs of <code>reference/{name}_in.csv</code>. Where they are equal, the model's behavior in that "
+        "run is.</li>",
+        "<li><code>threadpitch build --check</code> runs the FMU on your machine against its reference results.</li>",
+        "</ol>",
+        "<p>Every row of the inputs is constant from its time to the next. The outputs are those after initialization "
+        "and after every step.</p>",
+        "</body>", "</html>", ""])
 
 
 def markdown_table(model: Model) -> str:

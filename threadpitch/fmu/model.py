@@ -19,7 +19,8 @@ from types import MappingProxyType, ModuleType
 from typing import Any
 
 from threadpitch.fmu.declaration import Place, checked_variable
-from threadpitch.fmu.variable import KEY, Experiment, ModelError, Variable
+from threadpitch.fmu.links import check_variables, checked_clocks, checked_terminals
+from threadpitch.fmu.variable import KEY, Clock, Experiment, ModelError, Terminal, Variable
 
 # name -> the arguments that the method must have
 REQUIRED_METHODS = {"check": ("self",), "initialize": ("self",), "step": ("self", "time", "step_size")}
@@ -37,6 +38,8 @@ class Model:
     path: Path
     source: str
     model_class: type[Any]
+    clocks: tuple[Clock, ...] = ()
+    terminals: tuple[Terminal, ...] = ()
 
     def variable(self, name: str) -> Variable:
         """The variable of this name.
@@ -98,15 +101,18 @@ def _read(path: Path, source: str) -> Model:
     model_class = _only_dataclass(path, module)
     node = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == model_class.__name__)
     _check_methods(path, node)
+    variables = _variables(path, node, model_class)
     return Model(
         class_name=model_class.__name__,
         description=ast.get_docstring(node) or "",
-        variables=_variables(path, node, model_class),
+        variables=variables,
         errors=_errors(path, module),
         experiment=_experiment(path, module),
         path=path,
         source=source,
         model_class=model_class,
+        clocks=checked_clocks(path, getattr(module, "CLOCKS", ()), variables),
+        terminals=checked_terminals(path, getattr(module, "TERMINALS", ()), variables),
     )
 
 
@@ -151,12 +157,7 @@ def _variables(path: Path, node: ast.ClassDef, model_class: type[Any]) -> tuple[
         found.append(checked_variable(place, ast.unparse(item.annotation), field.metadata[KEY]))
     if not found:
         raise ModelError(f"{path}:{node.lineno}: {node.name} declares no variable; add at least one field")
-    inputs = {variable.name for variable in found if variable.causality == "input"}
-    for variable in found:
-        for name in variable.depends_on:
-            if name not in inputs:
-                place = Place(f"{path}:{annotations[variable.name].lineno}", variable.name)
-                raise ModelError(place.says(f"depends_on names {name!r}", f"name inputs: {', '.join(sorted(inputs))}"))
+    check_variables({name: Place(f"{path}:{item.lineno}", name) for name, item in annotations.items()}, found)
     return tuple(found)
 
 

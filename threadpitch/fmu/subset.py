@@ -17,8 +17,8 @@ from threadpitch.fmu.statements import check_function
 ELEMENTARY = "threadpitch.fmu.elementary"
 ELEMENTARY_PATH = Path(__file__).with_name("elementary.py")
 _IMPORTS = {"__future__": {"annotations"}, "dataclasses": {"dataclass"}, "math": {"floor", "sqrt", "pi"},
-            "threadpitch.fmu.variable": {"Experiment", "input_", "output", "parameter", "state"}}
-_DECLARATIONS = ("ERRORS", "EXPERIMENT")
+            "threadpitch.fmu.variable": {"Clock", "Experiment", "Terminal", "input_", "output", "parameter", "state"}}
+_DECLARATIONS = ("ERRORS", "EXPERIMENT", "CLOCKS", "TERMINALS")
 # Functions of C's math library and macros of its headers: a name of the file would be taken for them.
 _TAKEN = """
     gamma lgamma tgamma j0 j1 jn y0 y1 yn signgam erf erfc fabs fmod fmin fmax fma frexp ldexp hypot cbrt ceil trunc

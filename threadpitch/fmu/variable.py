@@ -37,6 +37,8 @@ class Variable:
     discrete: bool = False
     choices: Mapping[str, int] | None = None
     depends_on: tuple[str, ...] = ()
+    derivatives: tuple[str, ...] = ()  # of an input: the states that take its first and second time derivative
+    derivative: str | None = None  # of an output: the variable that is its time derivative
     name: str = ""
     kind: str = "float"
 
@@ -48,6 +50,31 @@ class Experiment:
     stop_time: float
     step_size: float
     start_time: float = 0.0
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A clock of FMI 3 in the module constant ``CLOCKS = (Clock(...),)``: triggered by the model, an output.
+
+    It ticks at the end of a step after which ``ticks``, an int, is not 0; of an array its ``element``, from 0.
+    """
+
+    name: str
+    ticks: str
+    element: int = 0
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Terminal:
+    """What belongs together (FMI 3), in the module constant ``TERMINALS = (Terminal(...),)``.
+
+    ``members`` maps the name of a member to the variable: two terminals fit where the names of their members agree.
+    """
+
+    name: str
+    members: Mapping[str, str]
+    description: str = ""
 
 
 def _field(variable: Variable) -> Any:
@@ -69,20 +96,27 @@ def parameter(unit: str, description: str, *, start: float | int | bool, display
 
 def input_(unit: str, description: str, *, start: float | int | bool = 0.0, display: str | None = None,
            min: float | int | None = None, max: float | int | None = None, nominal: float | None = None,
-           size: int | None = None, discrete: bool = False) -> Any:
-    """An input: constant during a step, valid at its end when the master steps in the order of the data."""
-    return _field(Variable("input", unit, description, start, display, min, max, nominal, size, discrete))
+           size: int | None = None, discrete: bool = False, derivatives: tuple[str, ...] = ()) -> Any:
+    """An input: constant during a step, valid at its end when the master steps in the order of the data.
+
+    ``derivatives`` names the states that take its first and second time derivative, u' and u'': the model evaluates
+    u + u' tau + u''/2 tau^2 with tau the time since the step began. An importer that gives none leaves them 0.
+    """
+    return _field(Variable("input", unit, description, start, display, min, max, nominal, size, discrete,
+                           derivatives=derivatives))
 
 
 def output(unit: str, description: str, *, start: float | int | bool = 0.0, display: str | None = None,
            min: float | int | None = None, max: float | int | None = None, nominal: float | None = None,
-           size: int | None = None, discrete: bool = False, depends_on: tuple[str, ...] = ()) -> Any:
+           size: int | None = None, discrete: bool = False, depends_on: tuple[str, ...] = (),
+           derivative: str | None = None) -> Any:
     """An output: calculated by ``initialize`` and at the end of every step.
 
     ``depends_on`` names the inputs that it depends on directly: its value at the end of a step changes with theirs.
+    ``derivative`` names the variable that is its time derivative.
     """
     return _field(Variable("output", unit, description, start, display, min, max, nominal, size, discrete,
-                           depends_on=depends_on))
+                           depends_on=depends_on, derivative=derivative))
 
 
 def state(unit: str, description: str, *, start: float | int | bool = 0.0, display: str | None = None,

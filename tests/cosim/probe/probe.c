@@ -1,4 +1,5 @@
-/* A small FMI 2.0 co-simulation FMU for the tests: x' = u - k x by Euler's method, and every kind of failure on demand.
+/* A small FMI 2.0 co-simulation FMU for the tests: x' = u - k x by Euler's method with the mean of u over the
+   step, and every kind of failure on demand.
 
    Real     0 u (input)  1 x (output)  2 k  3 start_x  4 fault_time  5..7 gain[1..3]  8 twice (output) = 2 u
    Integer  0 fault (parameter): the status to answer with, 5 = NaN in x   1 initial_fault   2 count (output)
@@ -23,6 +24,7 @@ typedef struct {
     char label[64];
     char name[64];
     double reached;
+    double derivative[2]; /* of u */
     int fatal;
 } Probe;
 
@@ -94,7 +96,8 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real h, fmi2Boolean ke
         p->reached = time + h / 2.0;
         return answer(p, fault);
     }
-    p->real[X] = p->real[X] + h * (p->real[U] - p->real[K] * p->real[X]);
+    double mean = p->real[U] + p->derivative[0] * h / 2.0 + p->derivative[1] * h * h / 6.0;
+    p->real[X] = p->real[X] + h * (mean - p->real[K] * p->real[X]);
     if (fault == 5) p->real[X] = NAN;
     p->integer[COUNT] += 1;
     outputs(p);
@@ -137,7 +140,12 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
 }
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Integer o[],
                                        const fmi2Real v[]) {
-    return fmi2Error;
+    Probe *p = c;
+    for (size_t i = 0; i < n; ++i) {
+        if (r[i] != U || o[i] < 1 || o[i] > 2) return fmi2Error;
+        p->derivative[o[i] - 1] = v[i];
+    }
+    return fmi2OK;
 }
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Integer o[],
                                         fmi2Real v[]) {

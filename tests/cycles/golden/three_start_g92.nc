@@ -1,0 +1,6 @@
+(setup: dialect=gsk988ta)
+G97 S200 M4
+G0 X26. Z10.
+G92 X19. Z-30. F4.5 L3 Q30
+X18.2 Q30
+M30

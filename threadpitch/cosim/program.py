@@ -1,0 +1,164 @@
+"""A network of loaded FMUs made ready for the kernel, and the way back from a failure in it to a named error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from threadpitch.cosim.c_types import C_TYPES
+from threadpitch.cosim.instance import FmuInstance
+from threadpitch.cosim.instance2 import FmuInstance2, derivative_arguments
+from threadpitch.cosim.instance3 import FmuInstance3
+from threadpitch.cosim.intermediate import function_address
+from threadpitch.cosim.kernel import LOOPS
+from threadpitch.cosim.memory import Port
+from threadpitch.cosim.network import Network
+from threadpitch.cosim.node import Copy, Follow, Node
+from threadpitch.cosim.schedule import Schedule
+from threadpitch.cosim.tables import (
+    ANSWER,
+    CALL,
+    CONVERSION,
+    COPY,
+    DONE,
+    FOLLOW,
+    NODE,
+    NOT_A_NUMBER,
+    STEP_FAILED,
+    WATCH,
+    Records,
+    Rows,
+    Span,
+    Tables,
+    Views,
+    code,
+    places,
+)
+
+
+class Program:
+    """An algorithm over one network: ``program(network, schedule, steps)`` as those in ``algorithms``."""
+
+    def __init__(self, network: Network) -> None:
+        self._loop = LOOPS[network.method.coupling]
+        self._instances: list[FmuInstance] = []
+        self._functions: list[str] = []  # by call
+        self._kept: list[object] = []  # arrays whose addresses are in the calls
+        self._records: dict[str, list[tuple[Any, ...]]] = {
+            table: [] for table in ("copy", "conversion", "follow", "call", "watch")}
+        nodes = [self._node(node, network.multiples[node.number]) for node in network.nodes]
+        self._tables = self._build(network, nodes)
+        self._places = places(self._tables)
+
+    def __call__(self, network: Network, schedule: Schedule, steps: range) -> None:
+        """Compute these steps and record them.
+
+        Raises:
+            StepError: as the plain algorithm.
+        """
+        recorder = network.recorder
+        span = Span(steps.start, steps.stop, schedule.start_time, schedule.step_size, recorder.every)
+        end = self._loop(self._places, span)
+        recorder.steps = end.steps
+        recorder.filled = end.steps // recorder.every + 1
+        if end.what != DONE:
+            self._fail(network, schedule, end)
+
+    def _fail(self, network: Network, schedule: Schedule, end: Any) -> None:
+        """Raise what the plain algorithm would have raised."""
+        instance = self._instances[end.node]
+        instance.time = float(network.state.starts[end.node])
+        if end.what == NOT_A_NUMBER:
+            network.nodes[end.node].check(schedule.time(end.steps + 1))
+        elif end.what != STEP_FAILED:
+            instance.fail(end.status, f"{self._functions[end.what]} failed")
+        elif isinstance(instance, FmuInstance3):
+            answer = self._tables.answers[end.node]
+            instance.answer(bool(answer["ended"]), float(answer["reached"]))
+            instance.fail_step(end.status)
+        else:
+            instance.fail(end.status, "the step failed")
+
+    # Tables
+
+    def _build(self, network: Network, nodes: Sequence[tuple[int, ...]]) -> Tables:
+        memory, times, starts, samples = network.state
+        answers = np.zeros(len(nodes), ANSWER)
+        answer_places = answers.ctypes.data + np.arange(len(nodes), dtype=np.uintp) * np.uintp(ANSWER.itemsize)
+        rows: list[Any] = [part for width in (8, 4, 2, 1)
+                           for part in (network.recorded[width], network.recorder.rows[width])]
+        return Tables(
+            nodes=_records(nodes, NODE),
+            copies=_records(self._records["copy"], COPY),
+            conversions=_records(self._records["conversion"], CONVERSION),
+            follows=_records(self._records["follow"], FOLLOW),
+            calls=_records(self._records["call"], CALL),
+            watches=_records(self._records["watch"], WATCH),
+            answers=answers, answer_places=answer_places.astype(np.uintp),
+            memory=Views(*(memory.view(name) for name in Views._fields)),
+            times=times, starts=starts, samples=samples, rows=Rows(*rows))
+
+    def _node(self, node: Node, multiple: int) -> tuple[int, ...]:
+        """The record of one node, after those of its parts."""
+        instance = node.instance
+        assert isinstance(instance, FmuInstance)
+        self._instances.append(instance)
+        wiring = node.wiring
+        copies = [_copy(copy) for copy in wiring.copies if copy.plain]
+        conversions = [_conversion(copy) for copy in wiring.copies if not copy.plain]
+        sets = [self._call(instance, C_TYPES[port.c_type].setter, port) for port in wiring.written]
+        if wiring.following is not None and isinstance(instance, FmuInstance2):
+            sets.append(self._derivative_call(instance, node))
+        gets = [self._call(instance, C_TYPES[port.c_type].getter, port) for port in wiring.read]
+        spans = [
+            self._add("copy", copies), self._add("conversion", conversions),
+            self._add("follow", [_follow(follow) for follow in wiring.follows]),
+            self._add("call", sets), self._add("call", gets),
+            self._add("watch", [(code(C_TYPES[watch.c_type].dtype), watch.index) for watch in wiring.watched]),
+        ]
+        fmi = int(instance.prefix[-1])
+        do_step = function_address(instance.function("DoStep"))
+        return (fmi, instance.component, do_step, multiple, *(end for span in spans for end in span))
+
+    def _add(self, table: str, records: Sequence[tuple[Any, ...]]) -> tuple[int, int]:
+        """First and last + 1 of the rows that the records get."""
+        rows = self._records[table]
+        first = len(rows)
+        rows.extend(records)
+        return first, len(rows)
+
+    def _call(self, instance: FmuInstance, function: str, port: Port) -> tuple[int, ...]:
+        self._functions.append(function)
+        counts = instance.value_count(port.values)
+        return (function_address(getattr(instance.dll, function)), port.references.ctypes.data, port.references.size,
+                port.values.ctypes.data, *(counts or (0,)), 4 + len(counts))
+
+    def _derivative_call(self, instance: FmuInstance2, node: Node) -> tuple[int, ...]:
+        following = node.wiring.following
+        assert following is not None
+        references, orders = derivative_arguments(following.port.references, following.derivatives)
+        self._kept += [references, orders]
+        self._functions.append("fmi2SetRealInputDerivatives")
+        return (function_address(instance.dll.fmi2SetRealInputDerivatives), references.ctypes.data, references.size,
+                orders.ctypes.data, following.derivatives.ctypes.data, 5)
+
+
+def _records(rows: Sequence[tuple[Any, ...]], dtype: np.dtype[Any]) -> Records:
+    return np.array(list(rows), dtype)
+
+
+def _copy(copy: Copy) -> tuple[int, ...]:
+    return (C_TYPES[copy.source_type].dtype.itemsize, copy.source_index, copy.target_index)
+
+
+def _conversion(copy: Copy) -> tuple[float, ...]:
+    return (code(C_TYPES[copy.source_type].dtype), copy.source_index, code(C_TYPES[copy.target_type].dtype),
+            copy.target_index, copy.factor, copy.shift)
+
+
+def _follow(follow: Follow) -> tuple[float, ...]:
+    copy, places = follow.copy, follow.derivatives
+    return (follow.number, follow.giver, copy.source_index, copy.target_index, len(places), places[0], places[-1],
+            int(copy.plain), copy.factor, copy.shift)

@@ -1,0 +1,115 @@
+"""A network as arrays of plain records, which compiled code can walk through. Indices count values of their type."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from threadpitch.cosim.extrapolation import Samples
+
+TYPES = tuple(map(np.dtype, ("f8", "f4", "i8", "u8", "i4", "u4", "i2", "u2", "i1", "u1", "?")))  # by their codes
+
+# One instance. `first_...` to `last_...` are its rows in the other tables.
+NODE = np.dtype([
+    ("fmi", "i8"), ("instance", "u8"), ("do_step", "u8"), ("multiple", "i8"),
+    *((f"{end}_{table}", "i8") for table in ("copy", "conversion", "follow", "set", "get", "watch")
+      for end in ("first", "last"))])
+# A C function of three to five arguments behind the instance, see calls.py.
+CALL = np.dtype([("function", "u8"), ("references", "u8"), ("count", "u8"), ("fourth", "u8"), ("fifth", "u8"),
+                 ("arguments", "i8")])
+COPY = np.dtype([("width", "i8"), ("source", "i8"), ("target", "i8")])
+CONVERSION = np.dtype([("source_type", "i8"), ("source", "i8"), ("target_type", "i8"), ("target", "i8"),
+                       ("factor", "f8"), ("shift", "f8")])
+FOLLOW = np.dtype([("number", "i8"), ("giver", "i8"), ("source", "i8"), ("target", "i8"), ("order", "i8"),
+                   ("first", "i8"), ("second", "i8"), ("plain", "i8"), ("factor", "f8"), ("shift", "f8")])
+WATCH = np.dtype([("type", "i8"), ("index", "i8")])
+# What fmi3DoStep answers, in the order that calls.call_step3 knows.
+ANSWER = np.dtype([("reached", "f8"), ("event", "u1"), ("ended", "u1"), ("early", "u1"), ("unused", "u1", (5,))])
+
+Records = NDArray[np.void]
+
+
+class Views(NamedTuple):
+    """The memory of the network, by type."""
+
+    f8: NDArray[np.float64]
+    f4: NDArray[np.float32]
+    i8: NDArray[np.int64]
+    u8: NDArray[np.uint64]
+    i4: NDArray[np.int32]
+    u4: NDArray[np.uint32]
+    i2: NDArray[np.int16]
+    u2: NDArray[np.uint16]
+    i1: NDArray[np.int8]
+    u1: NDArray[np.uint8]
+
+
+class Rows(NamedTuple):
+    """What is recorded, by width: the places (n,) in the memory, and the rows (count, n)."""
+
+    places8: NDArray[np.intp]
+    rows8: NDArray[np.int64]
+    places4: NDArray[np.intp]
+    rows4: NDArray[np.int32]
+    places2: NDArray[np.intp]
+    rows2: NDArray[np.int16]
+    places1: NDArray[np.intp]
+    rows1: NDArray[np.int8]
+
+
+class Tables(NamedTuple):
+    """All that the kernel works on."""
+
+    nodes: Records
+    copies: Records
+    conversions: Records
+    follows: Records
+    calls: Records
+    watches: Records
+    answers: Records
+    answer_places: NDArray[np.uintp]  # (nodes,) addresses of the answers
+    memory: Views
+    times: NDArray[np.float64]
+    starts: NDArray[np.float64]
+    samples: Samples
+    rows: Rows
+
+
+class Span(NamedTuple):
+    """Steps ``first`` to ``last`` - 1 that begin at ``start + n * step_size``; every n-th point is recorded."""
+
+    first: int
+    last: int
+    start: float
+    step_size: float
+    every: int
+
+
+class End(NamedTuple):
+    """Where and why the kernel returned: ``what`` is one of the words below, or the number of a call that failed."""
+
+    steps: int  # those that are done and recorded
+    node: int
+    what: int
+    status: int
+
+
+def places(tables: Tables) -> NDArray[np.uint64]:
+    """Address, length and width of every array in the tables, (arrays, 3), in their order.
+
+    Compiled code that is handed arrays counts the references to each of them in every call, which takes ten times
+    what the loop itself does; arrays that it makes of addresses have no owner and no count.
+    """
+    arrays = [*tables[:8], *tables.memory, tables.times, tables.starts, *tables.samples, *tables.rows]
+    return np.array([(array.ctypes.data, array.shape[0], array.shape[1] if array.ndim == 2 else 1)
+                     for array in arrays], np.uint64)
+
+
+DONE, STEP_FAILED, NOT_A_NUMBER = -1, -2, -3
+
+
+def code(dtype: np.dtype[Any]) -> int:
+    """The number of a type in the tables."""
+    return TYPES.index(dtype)

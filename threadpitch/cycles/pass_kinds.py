@@ -1,0 +1,72 @@
+"""What passes are: rough, finish or spring where the words do not say it, which leaves the flank, how fast it turns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from threadpitch.cycles.moves import Kind, Move, Pass, SpindleSpeed, SpindleStop, SurfaceSpeed, Thread
+
+SAME = 1e-9  # m; a tenth of a thousandth of the least input increment
+
+
+def marked(passes: Sequence[Pass]) -> tuple[Pass, ...]:
+    """The same passes with their kinds: the first at the deepest X of its groove finishes, later ones there spring.
+
+    A groove is what the passes with one lead, one end and one start (Z and angle) cut. A pass at the X of the one
+    before it springs as well. Passes of G76 know their kind and depth and stay.
+    """
+    deepest: dict[tuple[float, ...], float] = {}
+    for cut in passes:
+        deepest[_groove(cut)] = max(deepest.get(_groove(cut), -1e9), _inward(cut))
+    former: dict[tuple[float, ...], float] = {}
+    made = []
+    for cut in passes:
+        key = _groove(cut)
+        here = _inward(cut)
+        kind: Kind = "rough"
+        if key in former and here <= former[key] + SAME:
+            kind = "spring"
+        elif here >= deepest[key] - SAME:
+            kind = "finish"
+        former[key] = max(here, former.get(key, here))
+        made.append(cut if cut.depth is not None else replace(cut, kind=kind))
+    return tuple(made)
+
+
+def final_flank(passes: Sequence[Pass]) -> tuple[int, ...]:
+    """Numbers of the passes that leave the final flank: of each groove, the last that takes metal."""
+    last: dict[tuple[float, ...], int] = {}
+    for cut in passes:
+        if cut.kind != "spring" or _groove(cut) not in last:
+            last[_groove(cut)] = cut.number
+    return tuple(sorted(last.values()))
+
+
+def spindle_of_passes(moves: Iterable[Move]) -> dict[int, SpindleSpeed | SurfaceSpeed | None]:
+    """By pass number, the spindle command that holds when the pass begins; None where the program gave none.
+
+    m/s along Z = lead along Z * speed / 2 pi: what an axis has to follow.
+    """
+    spindle: SpindleSpeed | SurfaceSpeed | None = None
+    found: dict[int, SpindleSpeed | SurfaceSpeed | None] = {}
+    for move in moves:
+        if isinstance(move, SpindleSpeed | SurfaceSpeed):
+            spindle = move
+        elif isinstance(move, SpindleStop):
+            spindle = None
+        elif isinstance(move, Thread):
+            found.setdefault(move.pass_number, spindle)
+    return found
+
+
+def _groove(cut: Pass) -> tuple[float, ...]:
+    """What tells grooves apart; the start Z counts where the words give it, G76's own flank shift does not."""
+    start_z = cut.start.z if cut.depth is None else cut.approach.z
+    return (round(cut.lead, 9), round(cut.end.z, 9), round(start_z, 9), round(cut.start_angle, 9), len(cut.paths))
+
+
+def _inward(cut: Pass) -> float:
+    """How far X is into the material, m, growing with the depth."""
+    outside = cut.approach.x >= cut.end.x
+    return -cut.end.x if outside else cut.end.x
