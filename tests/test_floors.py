@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 FLOORS = (
-    {"units"},
+    {"units", "compiled"},
     {"trace", "cycles", "fmu"},
     {"pitch", "cosim"},
     {"judgement", "tolerance", "lathe", "store", "parameters"},

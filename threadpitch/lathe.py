@@ -201,6 +201,8 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
             controllers = [name for name, description in plan.descriptions.items()
                            if "z_face" in description.variables]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
+        if f"{CONTROLLER}.lead" in chosen:  # another lead is another target, where none is given
+            chosen = {f"{name}.pitch_target": chosen[f"{CONTROLLER}.lead"] for name in calculators} | chosen
         record = ["outputs"]
         for name in calculators:
             record += [f"{name}.{variable}" for variable in ("threading", "direction", "pitch_target", "start_angle*")]

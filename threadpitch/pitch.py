@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from threadpitch.trace import TURN, ColumnChoice, FloatArray, IntArray, Trace, compiled, read_groups
+from threadpitch.compiled import compiled
+from threadpitch.trace import TURN, ColumnChoice, FloatArray, IntArray, Trace, read_groups
 
 BoolArray = NDArray[np.bool_]
 
@@ -227,7 +228,7 @@ def _before_the_first(trace: Trace, rising: FloatArray, levels: FloatArray) -> t
     return np.select([passed <= slack, just_passed], [position[0], extended], np.nan), just_passed.any(axis=1)
 
 
-@compiled
+@compiled(nogil=True)
 def _first_reaching(rising: FloatArray, levels: FloatArray) -> IntArray:
     """First sample j with rising[j] >= level (start_angles, revolutions + 1); the size of ``rising`` if there is none.
 
@@ -259,7 +260,7 @@ def _first_reaching(rising: FloatArray, levels: FloatArray) -> IntArray:
     return reached
 
 
-@compiled
+@compiled(nogil=True)
 def _interpolated(angle: FloatArray, position: FloatArray, levels: FloatArray, reached: IntArray) -> FloatArray:
     """xi(level) = xi_j - (theta_j - level) / (theta_j - theta_i) (xi_j - xi_i),  i = j - 1; NaN where j has no i."""
     crossings = np.full(levels.shape, np.nan)

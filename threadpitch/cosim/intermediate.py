@@ -56,6 +56,7 @@ def function_address(function: Any) -> int:
 def _compiled_callback() -> Any:
     import numba  # takes its time: only runs that extrapolate inputs of FMI 3.0 need it
 
+    from threadpitch.compiled import compiled_callback
     from threadpitch.cosim.calls import call_five, pointer
 
     types, carray = numba.types, numba.carray  # type: ignore[attr-defined] # Numba's own types leave it out
@@ -80,4 +81,4 @@ def _compiled_callback() -> Any:
         call_five(update.set_values, update.instance, update.references, update.count, update.scratch,
                   np.uintp(update.size))
 
-    return numba.cfunc(signature, cache=True)(update_inputs)
+    return compiled_callback(signature)(update_inputs)

@@ -8,8 +8,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import carray, njit  # type: ignore[attr-defined] # Numba's own types leave one out
+from numba import carray  # type: ignore[attr-defined] # Numba's own types leave it out
 
+from threadpitch.compiled import compiled as compiled_by_numba
 from threadpitch.cosim import extrapolation
 from threadpitch.cosim.calls import call_five, call_four, call_step2, call_step3, pointer
 from threadpitch.cosim.extrapolation import Samples
@@ -34,9 +35,9 @@ from threadpitch.cosim.tables import (
 WARNING = 1  # the worst fmi2Status and fmi3Status of a call that did its work
 BOOLEAN = 10  # code of the one-byte truth value in tables.TYPES
 
-compiled = njit(cache=True)
+compiled = compiled_by_numba()
 # Inlined, the arrays that `attach` makes are addresses in registers.
-inlined = njit(cache=True, forceinline=True)
+inlined = compiled_by_numba(forceinline=True)
 add_sample = inlined(extrapolation.add_sample)
 polynomial = inlined(extrapolation.polynomial)
 

@@ -74,7 +74,7 @@ def simulate(system: System | str | Path, *, parameters: Mapping[str, Given] | N
         def result() -> Result:
             logged = [f"{instance.name}: {text}" for instance in instances for text in instance.warnings()]
             return Result(recorder, wall_time=clock.perf_counter() - began, order=plan.order,
-                          warnings=[*cannot, *logged])
+                          warnings=[*plan.notes, *cannot, *logged])
 
         try:
             network = Network(instances, plan.links, recorder, method)

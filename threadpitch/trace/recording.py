@@ -7,14 +7,13 @@ axis, sample by sample. All checks are made once, when the trace is made; whoeve
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any, TypeVar, cast
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
+
+from threadpitch.compiled import compiled
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -27,16 +26,10 @@ TWO_THREADS_FROM = 1 << 20  # samples; below that a second thread costs more tha
 LARGEST = 1e100  # of an angle or a position; what is larger is damaged, and differences and products stay finite
 
 _SOUND, _ANGLE_DAMAGED, _POSITION_DAMAGED, _REVERSAL = 0, 1, 2, 3
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 class TraceError(ValueError):
     """A recording from which no pitch can be calculated: what, where (file and line, or sample), how to mend."""
-
-
-def compiled(function: _Function) -> _Function:
-    """The function compiled by Numba; it leaves the GIL free and keeps its type for the type checker."""
-    return cast(_Function, njit(cache=True, nogil=True)(function))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +143,7 @@ def _suspects(angle: FloatArray, position: FloatArray) -> int:
         return _count_suspects(angle[: middle + 1], position[: middle + 1]) + rest.result()
 
 
-@compiled
+@compiled(nogil=True)
 def _count_suspects(angle: FloatArray, position: FloatArray) -> int:
     """The first sample is compared with none."""
     suspects = 0
@@ -160,7 +153,7 @@ def _count_suspects(angle: FloatArray, position: FloatArray) -> int:
     return suspects
 
 
-@compiled
+@compiled(nogil=True)
 def _first_fault(angle: FloatArray, position: FloatArray, limit: float) -> tuple[int, int, float]:
     """(fault, sample, peak of the angle up to there, rad)."""
     peak = angle[0]
