@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +13,11 @@ import pytest
 
 from threadpitch import lathe
 from threadpitch.cli import invoke
+
+
+# A shell starts background jobs with Ctrl-C ignored, and so would these tests and the processes that they start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 class Outcome(NamedTuple):
