@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-import signal
 import re
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -13,7 +13,6 @@ import pytest
 
 from threadpitch import lathe
 from threadpitch.cli import invoke
-
 
 # A shell starts background jobs with Ctrl-C ignored, and so would these tests and the processes that they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
