@@ -9,7 +9,7 @@ from threadpitch.cosim.network import Network
 
 ENGINES = ("kernel", "python")
 
-_WORTH = 20_000  # component steps: below, plain Python is done before the kernel is loaded
+_WORTH = 200_000  # component steps: below, plain Python is done before the kernel is loaded
 
 
 def choose_engine(network: Network, engine: str | None = None) -> Algorithm:
