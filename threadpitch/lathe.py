@@ -21,6 +21,7 @@ from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
 from threadpitch.fmu import available_compiler, cached_fmu
 from threadpitch.pitch import PitchTable, Statistics, statistics
+from threadpitch.units import from_si
 
 DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
@@ -114,9 +115,21 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         threading = self._threading()
         stop = float(self.time[-1])
         if not threading.any():
-            return f"no threading until the stop at {stop:g} s; choose a longer stop time"
+            mend = self._why_not_at_speed() or "choose a longer stop time"
+            return f"no threading until the stop at {stop:g} s; {mend}"
         began = float(self.time[int(np.argmax(threading))])
         return f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; choose a longer stop time"
+
+    def _why_not_at_speed(self) -> str:
+        """What to say where the spindle has not come near its commanded speed; nothing where it has."""
+        names = [f"{CONTROLLER}.spindle_speed", f"{CONTROLLER}.spindle_speed_command"]
+        if not all(name in self.result for name in names):
+            return ""
+        reached, commanded = (float(np.max(self.result[name])) for name in names)
+        if reached >= 0.95 * commanded:
+            return ""
+        return (f"the spindle reached {from_si(reached, 'rpm'):.0f} of {from_si(commanded, 'rpm'):.0f} rpm; choose a "
+                "longer stop time or a lower controller.commanded_speed (without a unit it is rad/s)")
 
     def _threading(self) -> NDArray[np.bool_]:
         """(rows,) whether the first calculator's input said threading."""
