@@ -181,7 +181,12 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # file names may hold what the terminal's encoding does not
-    sys.exit(invoke(sys.argv[1:] if arguments is None else arguments))
+    status = invoke(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    # Without the destructors of loaded libraries: PythonFMU's, which glibc keeps, touches memory that is already freed.
+    os._exit(status)
 
 
 def invoke(arguments: Sequence[str]) -> int:
