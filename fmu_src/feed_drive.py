@@ -37,7 +37,7 @@ class FeedDrive:
     m v' = F_axial - F_friction(v) - F_load                 table; linear motor: F_axial is the motor's force
     F_axial = K delta + D delta',  delta = r theta + e(r theta) - x less half the backlash on either side
     T' = (T_command - T) / torque_time_constant             current loop
-    F_friction = (F_c + (F_s - F_c) / (1 + (v / v_s)^2)) s / sqrt(1 + s^2) + B_v v,  s = v / friction_speed
+    F_friction = (F_c + (F_s - F_c) v_s^2 / (v_s^2 + v^2)) v / sqrt(v_0^2 + v^2) + B_v v,  v_0 = friction_speed
     v_command = Kv (c - xi) + feedforward c'                every position_period; c the fine-interpolated command
     F_command = M (Kp (e_v + I)),  I' = e_v / T_i           every velocity_period; e_v = v_command - v_motor
 
@@ -292,11 +292,12 @@ class FeedDrive:
             self.velocity_integral = self.velocity_integral + self.velocity_period / self.integral_time * error
 
     def _friction(self, velocity: float) -> float:
-        """(F_c + (F_s - F_c) / (1 + (v / v_s)^2)) s / sqrt(1 + s^2) + B_v v."""
-        s = velocity / self.friction_speed
-        slow = velocity / self.stribeck_speed
-        dry = self.coulomb_friction + (self.static_friction - self.coulomb_friction) / (1.0 + slow * slow)
-        return dry * s / sqrt(1.0 + s * s) + self.viscous_friction * velocity
+        """(F_c + (F_s - F_c) v_s^2 / (v_s^2 + v^2)) v / sqrt(v_0^2 + v^2) + B_v v."""
+        square = velocity * velocity
+        slow = self.stribeck_speed * self.stribeck_speed
+        dry = self.coulomb_friction + (self.static_friction - self.coulomb_friction) * slow / (slow + square)
+        return dry * velocity / sqrt(self.friction_speed * self.friction_speed + square) + (
+            self.viscous_friction * velocity)
 
     def _axial_force(self, angle: float, speed: float, position: float, velocity: float) -> float:
         """K delta + D delta' of the screw, none inside the backlash."""
@@ -312,16 +313,15 @@ class FeedDrive:
             return 0.0
         return self.axial_stiffness * delta + self.axial_damping * (radius * speed - velocity)
 
-    def _accelerations(self, angle: float, speed: float, position: float, velocity: float,
-                       force: float) -> tuple[float, float]:
-        """(omega', v' + F_load / m) of the state (theta, omega, x, v, F); F is the motor's force at the table."""
+    def _forces(self, angle: float, speed: float, position: float, velocity: float,
+                force: float) -> tuple[float, float]:
+        """(J omega', m v' + F_load) of the state (theta, omega, x, v, F); F is the motor's force at the table."""
+        axial = force
+        turning = 0.0
         if self.drive_type == BALL_SCREW:
             axial = self._axial_force(angle, speed, position, velocity)
-            turning = (self._radius() * (force - axial) - self.motor_friction * speed) / self.motor_inertia
-        else:
-            axial = force
-            turning = 0.0
-        return turning, (axial - self._friction(velocity)) / self.table_mass
+            turning = self._radius() * (force - axial) - self.motor_friction * speed
+        return turning, axial - self._friction(velocity)
 
     def _load_at(self, elapsed: float) -> float:
         """F_load as the importer extrapolates it inside the step."""
@@ -345,32 +345,37 @@ class FeedDrive:
         x1 = self.position
         v1 = self.velocity
         f1 = self.motor_force
+        # multiplied by, because a division takes a processor four times as long
+        per_inertia = 1.0 / self.motor_inertia
+        per_mass = 1.0 / self.table_mass
         rate = 1.0 / self.torque_time_constant
         half = 0.5 * h
-        slow1 = self._load_at(self.elapsed) / self.table_mass
-        slow2 = self._load_at(self.elapsed + half) / self.table_mass
-        slow4 = self._load_at(self.elapsed + h) / self.table_mass
+        load2 = self._load_at(self.elapsed + half)
 
-        dw1, dv1 = self._accelerations(a1, w1, x1, v1, f1)
+        torque, force = self._forces(a1, w1, x1, v1, f1)
+        dw1 = per_inertia * torque
+        dv1 = per_mass * (force - self._load_at(self.elapsed))
         df1 = rate * (self.force_command - f1)
         w2 = w1 + half * dw1
-        dv1 = dv1 - slow1
         v2 = v1 + half * dv1
         f2 = f1 + half * df1
-        dw2, dv2 = self._accelerations(a1 + half * w1, w2, x1 + half * v1, v2, f2)
+        torque, force = self._forces(a1 + half * w1, w2, x1 + half * v1, v2, f2)
+        dw2 = per_inertia * torque
+        dv2 = per_mass * (force - load2)
         df2 = rate * (self.force_command - f2)
         w3 = w1 + half * dw2
-        dv2 = dv2 - slow2
         v3 = v1 + half * dv2
         f3 = f1 + half * df2
-        dw3, dv3 = self._accelerations(a1 + half * w2, w3, x1 + half * v2, v3, f3)
+        torque, force = self._forces(a1 + half * w2, w3, x1 + half * v2, v3, f3)
+        dw3 = per_inertia * torque
+        dv3 = per_mass * (force - load2)
         df3 = rate * (self.force_command - f3)
         w4 = w1 + h * dw3
-        dv3 = dv3 - slow2
         v4 = v1 + h * dv3
         f4 = f1 + h * df3
-        dw4, dv4 = self._accelerations(a1 + h * w3, w4, x1 + h * v3, v4, f4)
-        dv4 = dv4 - slow4
+        torque, force = self._forces(a1 + h * w3, w4, x1 + h * v3, v4, f4)
+        dw4 = per_inertia * torque
+        dv4 = per_mass * (force - self._load_at(self.elapsed + h))
         df4 = rate * (self.force_command - f4)
 
         sixth = h / 6.0

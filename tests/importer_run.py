@@ -1,9 +1,11 @@
 """Run an .ssp in one importer and write what its pitch calculators show: the script of a process of its own.
 
 usage: importer_run.py fmpy|libcosim|ecos SYSTEM.ssp STEPS RESULT.json
+       importer_run.py ecos-fmi3 SYSTEM.json STEPS RESULT.json
 
 The result maps ``component.variable`` to its values after each step of 1 ms. Nothing of threadpitch is used here: the
-importers read the .ssp, find the FMUs, and wire and step them by themselves.
+importers read the .ssp, find the FMUs, and wire and step them by themselves. SSP 1.0 has no place for FMUs of FMI 3.0
+and their arrays, so a JSON file tells Ecos their system.
 """
 
 from __future__ import annotations
@@ -87,7 +89,31 @@ def run_ecos(ssp: str, steps: int) -> Columns:
     return columns
 
 
-IMPORTERS = {"fmpy": run_fmpy, "libcosim": run_libcosim, "ecos": run_ecos}
+def run_ecos_fmi3(system: str, steps: int) -> Columns:
+    from ecospy import EcosSimulation, EcosSimulationStructure
+
+    job = json.loads(Path(system).read_text(encoding="utf-8"))
+    columns: Columns = {name: [] for name in job["wanted"]}
+    structure = EcosSimulationStructure()
+    for name, fmu in job["fmus"].items():
+        structure.add_model(name, fmu)
+    connect = {"Real": structure.make_real_connection, "Integer": structure.make_int_connection,
+               "Boolean": structure.make_bool_connection}
+    for kind, source, target in job["links"]:
+        connect[kind](source, target)
+    structure.add_parameter_set(PARAMETER_SET, job["parameters"])
+    with EcosSimulation(step_size=STEP_SIZE, structure=structure) as simulation:
+        assert simulation.init(parameter_set=PARAMETER_SET)
+        for _ in range(steps):
+            simulation.step(1)
+            for name, values in columns.items():
+                values.append(simulation.get_real(name.replace(".", "::")))
+        simulation.terminate()
+    structure._handle = None  # Ecos 0.7.2 frees names of FMUs of FMI 3.0 twice when it frees the structure
+    return columns
+
+
+IMPORTERS = {"fmpy": run_fmpy, "libcosim": run_libcosim, "ecos": run_ecos, "ecos-fmi3": run_ecos_fmi3}
 
 if __name__ == "__main__":
     _, importer, system, step_count, result_path = sys.argv

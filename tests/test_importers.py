@@ -17,7 +17,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from tests.plain_system import PlainSystem, read_plan
 from threadpitch import lathe
-from threadpitch.fmu import available_compiler
+from threadpitch.fmu import available_compiler, cached_fmu
 from threadpitch.system_archive import FmuKind, build_system
 
 RUN = Path(__file__).parent / "importer_run.py"
@@ -123,9 +123,14 @@ def imported(importer: Importer, ssp: Path, folder: Path) -> Columns:
     result = folder / f"{importer.name}-{ssp.stem}.json"
     if result.is_file():
         return json.loads(result.read_text(encoding="utf-8"))  # type: ignore[no-any-return]
+    return run_alone(importer.name, ssp, result)
+
+
+def run_alone(importer: str, system: Path, result: Path) -> Columns:
+    """The importer's result of a system, in a process of its own."""
     libraries = [str(Path(sys.prefix) / "lib"), *filter(None, [os.environ.get("LD_LIBRARY_PATH")])]  # Ecos' libtbb
-    done = subprocess.run([sys.executable, "-I", str(RUN), importer.name, str(ssp), str(STEPS), str(result)],
-                          cwd=folder, env={**os.environ, "LD_LIBRARY_PATH": os.pathsep.join(libraries)},
+    done = subprocess.run([sys.executable, "-I", str(RUN), importer, str(system), str(STEPS), str(result)],
+                          cwd=result.parent, env={**os.environ, "LD_LIBRARY_PATH": os.pathsep.join(libraries)},
                           check=False, capture_output=True, text=True, errors="replace", timeout=300)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     return json.loads(result.read_text(encoding="utf-8"))  # type: ignore[no-any-return]
@@ -181,6 +186,43 @@ def test_an_importer_calculates_what_plain_objects_do_in_its_order(
     print(f"\n{importer.name} and plain objects in its order: {equal} of {count} values equal bit for bit, "
           f"largest difference {largest:.1e} m")
     assert largest <= 1e-12
+
+
+@pytest.mark.skipif(importlib.util.find_spec("ecospy") is None, reason="the importer ecospy is not installed")
+@pytest.mark.skipif(available_compiler() is None, reason="no C compiler and no ziglang is installed")
+def test_ecos_calculates_the_same_with_fmus_of_fmi_3(tmp_path: Path) -> None:
+    # two PitchCalculators are two instances of one FMU in one process; Ecos hands over scalars only
+    plan = read_plan()
+    plan = replace(plan, settings=tuple(one for one in plan.settings if "[" not in one.variable.name))
+    fmus = {name: cached_fmu(lathe.model_file(plan.descriptions[name].path.stem), "native", fmi=3)
+            for name in plan.order}
+    assert fmus["nominal_pitch"] == fmus["actual_pitch"]
+    scalars = [f"{name}.{one.name}" for name in plan.order for one in plan.descriptions[name].variables.values()
+               if one.kind == "Real" and one.causality == "output" and "[" not in one.name]
+    system = tmp_path / "system.json"
+    system.write_text(json.dumps({
+        "fmus": {name: str(path) for name, path in fmus.items()}, "wanted": scalars,
+        "links": [(link.source.kind, f"{link.source_component}::{link.source.name}",
+                   f"{link.target_component}::{link.target.name}") for link in plan.links],
+        "parameters": {f"{one.component}::{one.variable.name}": one.value for one in plan.settings},
+    }), encoding="utf-8")
+    found = run_alone("ecos-fmi3", system, tmp_path / "result.json")
+    plain = PlainSystem(plan)
+    plain.settle()
+    plain.transfer()
+    expected: Columns = {name: [] for name in scalars}
+    for time, step_size in itertools.islice(added_times(), STEPS):
+        plain.jacobi_step(time, step_size)
+        for name, values in expected.items():
+            component, _, variable = name.partition(".")
+            values.append(plain.components[component].get(variable))
+    for name, values in expected.items():
+        scale = max(map(abs, values))
+        assert np.max(np.abs(np.array(found[name]) - np.array(values))) <= 1e-12 * scale, name
+    travel = expected["z_drive.position"]
+    assert max(travel) - min(travel) > 0.02
+    equal = sum(found[name] == values for name, values in expected.items())
+    print(f"\necos, FMI 3.0: {equal} of {len(scalars)} variables in {STEPS} steps equal bit for bit")
 
 
 @pytest.fixture(scope="module")

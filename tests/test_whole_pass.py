@@ -1,4 +1,7 @@
-"""PythonFMU FMU = plain Python class, bit for bit, over a whole threading pass, in a process without threadpitch."""
+"""Plain Python class = PythonFMU FMU = native FMU of FMI 2.0 and 3.0, bit for bit, over a whole threading pass.
+
+The FMUs run in a process without threadpitch.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +17,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.fmu.native.building import needs_compiler
 from tests.plain_system import PlainSystem, read_plan
 from threadpitch import lathe
-from threadpitch.cosim.check import Plan
 from threadpitch.cosim.values import Given
+from threadpitch.fmu import cached_fmu
 
 ALONE = Path(__file__).parent / "whole_pass_alone.py"
 STEP_SIZE = 1e-3
@@ -73,9 +77,12 @@ def plain_run() -> Callable[[str], PlainRun]:
     return run
 
 
-def job(plan: Plan, run: PlainRun) -> dict[str, Any]:
+def job(run: PlainRun, flavor: str, fmi: int) -> dict[str, Any]:
+    plan = run.plan
+    fmus = {name: cached_fmu(lathe.model_file(plan.descriptions[name].path.stem), flavor, fmi=fmi)
+            for name in plan.order}
     return {
-        "components": [{"name": layout.component, "fmu": str(plan.descriptions[layout.component].path),
+        "components": [{"name": layout.component, "fmu": str(fmus[layout.component]),
                         "names": layout.names, "struct": layout.struct} for layout in run.layouts],
         "settings": [(one.component, one.variable.kind, one.variable.name, one.value) for one in plan.settings],
         "links": [{"source": (link.source_component, link.source.name),
@@ -103,11 +110,13 @@ def first_difference(run: PlainRun, other: bytes) -> str:
     return f"{len(found)} values differ, first {name} in row {step}: {float(a).hex()} and {float(b).hex()}"
 
 
+@pytest.mark.parametrize(("flavor", "fmi"), [("python", 2), pytest.param("native", 2, marks=needs_compiler),
+                                             pytest.param("native", 3, marks=needs_compiler)])
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_fmus_without_the_library_have_the_bits_of_the_classes(
-        name: str, plain_run: Callable[[str], PlainRun], tmp_path: Path) -> None:
+        name: str, flavor: str, fmi: int, plain_run: Callable[[str], PlainRun], tmp_path: Path) -> None:
     run = plain_run(name)
-    (tmp_path / "job.json").write_text(json.dumps(job(run.plan, run)), encoding="utf-8")
+    (tmp_path / "job.json").write_text(json.dumps(job(run, flavor, fmi)), encoding="utf-8")
     # -I: neither this directory nor PYTHONPATH; the script's import hook keeps an installed threadpitch away
     done = subprocess.run([sys.executable, "-I", str(ALONE), "job.json", "rows.bin"], cwd=tmp_path, check=False,
                           capture_output=True, text=True, timeout=300)
@@ -116,8 +125,8 @@ def test_fmus_without_the_library_have_the_bits_of_the_classes(
     rows = (tmp_path / "rows.bin").read_bytes()
     assert rows == run.rows, first_difference(run, rows)
     names = sum(len(layout.flat) for layout in run.layouts)
-    print(f"\n{name}: {names} outputs and states of {len(run.layouts)} components in {STEPS + 1} rows, "
-          f"{names * (STEPS + 1)} values equal bit for bit")
+    print(f"\n{name}, {flavor} FMI {fmi}.0: {names} outputs and states of {len(run.layouts)} components "
+          f"in {STEPS + 1} rows, {names * (STEPS + 1)} values equal bit for bit")
 
 
 @pytest.mark.parametrize("name", PARAMETERS)

@@ -29,14 +29,13 @@ class NotInstalled:
 sys.meta_path.insert(0, NotInstalled())
 
 
-class Slave:
-    """One FMU, with what is got from it."""
+class Slave2:
+    """One FMU of FMI 2.0, with what is got from it."""
 
-    def __init__(self, component: dict[str, Any], folder: Path) -> None:
-        from fmpy import extract, read_model_description
+    def __init__(self, component: dict[str, Any], description: Any, folder: Path) -> None:
+        from fmpy import extract
         from fmpy.fmi2 import FMU2Slave
 
-        description = read_model_description(component["fmu"])
         self.references = {variable.name: variable.valueReference for variable in description.modelVariables}
         self.fmu = FMU2Slave(guid=description.guid, unzipDirectory=extract(component["fmu"], str(folder)),
                              modelIdentifier=description.coSimulation.modelIdentifier, instanceName=component["name"])
@@ -56,11 +55,65 @@ class Slave:
     def row(self) -> bytes:
         return self.struct.pack(*(value for getter, references in self.wanted for value in getter(references)))
 
+    def enter_initialization(self) -> None:
+        self.fmu.setupExperiment(startTime=0.0)
+        self.fmu.enterInitializationMode()
+
+
+class Slave3:
+    """One FMU of FMI 3.0, by the names of FMI 2.0: ``pitch[2]`` is the second value of the array ``pitch``."""
+
+    def __init__(self, component: dict[str, Any], description: Any, folder: Path) -> None:
+        from fmpy import extract
+        from fmpy.fmi3 import FMU3Slave
+
+        self.variables = {variable.name: variable for variable in description.modelVariables}
+        self.fmu = FMU3Slave(guid=description.instantiationToken, unzipDirectory=extract(component["fmu"], str(folder)),
+                             modelIdentifier=description.coSimulation.modelIdentifier, instanceName=component["name"])
+        self.fmu.instantiate()
+        self.names = [name for names in component["names"].values() for name in names]
+        self.struct = struct.Struct(component["struct"])
+
+    def put(self, _kind: str, name: str, value: Any) -> None:
+        array, index = self.place(name)
+        values = self.array(array)
+        values[index] = value
+        variable = self.variables[array]
+        getattr(self.fmu, f"set{variable.type}")([variable.valueReference], values)
+
+    def get(self, _kind: str, name: str) -> Any:
+        array, index = self.place(name)
+        return self.array(array)[index]
+
+    def row(self) -> bytes:
+        arrays = {name: self.array(name) for name in dict.fromkeys(self.place(name)[0] for name in self.names)}
+        return self.struct.pack(*(arrays[array][index] for array, index in map(self.place, self.names)))
+
+    def enter_initialization(self) -> None:
+        self.fmu.enterInitializationMode(startTime=0.0)
+
+    def place(self, name: str) -> tuple[str, int]:
+        array, _, index = name.partition("[")
+        return array, int(index.rstrip("]") or 1) - 1
+
+    def array(self, name: str) -> list[Any]:
+        variable = self.variables[name]
+        size = int(variable.dimensions[0].start) if variable.dimensions else 1
+        return list(getattr(self.fmu, f"get{variable.type}")([variable.valueReference], nValues=size))
+
+
+def slave(component: dict[str, Any], folder: Path) -> Slave2 | Slave3:
+    """The component by the version of its FMU."""
+    from fmpy import read_model_description
+
+    description = read_model_description(component["fmu"])
+    return (Slave3 if description.fmiVersion.startswith("3") else Slave2)(component, description, folder)
+
 
 def main(job_path: str, rows_path: str) -> None:
     job = json.loads(Path(job_path).read_text(encoding="utf-8"))
     folder = Path(tempfile.mkdtemp(dir=Path(job_path).resolve().parent))
-    slaves = {component["name"]: Slave(component, folder / component["name"]) for component in job["components"]}
+    slaves = {component["name"]: slave(component, folder / component["name"]) for component in job["components"]}
     incoming = {name: [link for link in job["links"] if link["target"][0] == name] for name in slaves}
 
     def receive(name: str) -> None:
@@ -70,25 +123,24 @@ def main(job_path: str, rows_path: str) -> None:
 
     for component, kind, variable, value in job["settings"]:
         slaves[component].put(kind, variable, value)
-    for slave in slaves.values():
-        slave.fmu.setupExperiment(startTime=0.0)
-        slave.fmu.enterInitializationMode()
+    for one in slaves.values():
+        one.enter_initialization()
     for _ in range(len(slaves) + 1):
         for name in slaves:
             receive(name)
-    for slave in slaves.values():
-        slave.fmu.exitInitializationMode()
+    for one in slaves.values():
+        one.fmu.exitInitializationMode()
     with open(rows_path, "wb") as stream:
-        stream.writelines(slave.row() for slave in slaves.values())
+        stream.writelines(one.row() for one in slaves.values())
         for step in range(job["steps"]):
-            for name, slave in slaves.items():
+            for name, one in slaves.items():
                 receive(name)
-                slave.fmu.doStep(step * job["step_size"], job["step_size"])
-            stream.writelines(slave.row() for slave in slaves.values())
-    for slave in slaves.values():
-        slave.fmu.terminate()
-    for slave in slaves.values():
-        slave.fmu.freeInstance()
+                one.fmu.doStep(step * job["step_size"], job["step_size"])
+            stream.writelines(one.row() for one in slaves.values())
+    for one in slaves.values():
+        one.fmu.terminate()
+    for one in slaves.values():
+        one.fmu.freeInstance()
     loaded = sorted(name for name in sys.modules if name.split(".")[0] in OURS)
     print(json.dumps({"modules_of_ours": loaded, "isolated": sys.flags.isolated}))
 

@@ -23,7 +23,7 @@ from pathlib import Path
 from threadpitch.fmu.cache import cache_folder, write_folder
 from threadpitch.fmu.failure import BuildError
 
-FLAGS = ("-std=gnu99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-fast-math",
+FLAGS = ("-std=gnu99", "-O3", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-fast-math",
          "-fno-math-errno", "-w")
 _SYSTEM_COMPILERS = ("gcc", "clang", "cc")
 _ZIG = "ziglang"

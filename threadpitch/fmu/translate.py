@@ -38,6 +38,7 @@ _MESSAGE = re.compile(r"\|\s*(?:error|fatal)[^:]*: \S+ \[(\d+),\d+\]\|\s*(.*)")
 # what c/translated.h stands for: the head of a header that Pyccel writes
 _HEAD = re.compile(r'#include .*|#define (i_key|STC_CSPAN_INDEX_TYPE) \w+|#(ifndef|define) _(TOOLS_COMMON|ARRAY)_\w+'
                    r'|#endif // _(TOOLS_COMMON|ARRAY)_\w+|using_cspan\(array_\w+_1d, \w+, 1\);|')
+_FUNCTION = re.compile(r"(?:double|int64_t|bool|void) \w+\(.*\);$")
 _MANY = re.compile(r"\b\w+_(?:min|max)\((\d+),")
 _MOST_COMPARED = 6  # c/translated.h
 
@@ -155,7 +156,8 @@ def _translated(model: Model, text: str) -> dict[str, str]:
         written = next((folder / "out").glob("__pyccel__*"))  # under pytest-xdist its name ends with the worker
         header = (written / "equations.h").read_text(encoding="utf-8")
         source = (written / "equations.c").read_text(encoding="utf-8")
-    return {"equations.h": _header(model, header), "equations.c": _source(model, source)}
+    public, private = _parted(model, header)
+    return {"equations.h": _header(model, public), "equations.c": _source(model, source, private)}
 
 
 def _failure(model: Model, text: str, output: str) -> str:
@@ -194,6 +196,14 @@ def _functions(tree: ast.Module) -> dict[str, ast.FunctionDef]:
 # What Pyccel wrote --------------------------------------------------------------------------------------------------
 
 
+def _parted(model: Model, header: str) -> tuple[str, list[str]]:
+    """The header without the functions that only the equations call, and the declarations of those."""
+    own = rf"{model.class_name}Model__(?:init__|del__|check|initialize|step)\("
+    lines = header.splitlines(keepends=True)
+    private = [line for line in lines if _FUNCTION.match(line) and not re.search(own, line)]
+    return "".join(line for line in lines if line not in private), private
+
+
 def _header(model: Model, text: str) -> str:
     """The header with ``translated.h`` in place of Pyccel's includes and array types."""
     head, struct, rest = text.partition("struct ")
@@ -204,11 +214,16 @@ def _header(model: Model, text: str) -> str:
     return '#ifndef EQUATIONS_H\n#define EQUATIONS_H\n\n#include "translated.h"\n\n' + struct + rest
 
 
-def _source(model: Model, text: str) -> str:
+def _source(model: Model, text: str, private: list[str]) -> str:
+    """The source with its private functions static: the compiler then puts them where they are called."""
     too_many = [int(count) for count in _MANY.findall(text) if int(count) > _MOST_COMPARED]
     if too_many:
         raise ModelError(f"{model.path}: min or max of {max(too_many)} numbers cannot be in a native FMU; "
                          f"compare {_MOST_COMPARED} at a time")
+    for line in private:
+        text = text.replace(f"\n{line.rstrip().removesuffix(';')}\n", f"\nstatic {line.rstrip().removesuffix(';')}\n")
+    declared = "".join(f"static {line}" for line in private)
+    text = text.replace('#include "equations.h"\n', f'#include "equations.h"\n\n{declared}', 1)
     # Pyccel writes labs, which has 32 bits on Windows
     return re.sub(r"\blabs\(", "llabs(", text)
 
