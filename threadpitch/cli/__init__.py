@@ -1,0 +1,5 @@
+"""The command line: ``threadpitch run | analyze | build``. Degrees, mm and rpm at this edge, SI inside."""
+
+from threadpitch.cli.app import app, invoke, main
+
+__all__ = ["app", "invoke", "main"]

@@ -1,0 +1,105 @@
+"""The command line: its commands, what they end with, and how the process is left."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import sys
+from collections.abc import Sequence
+from typing import Annotated, NoReturn
+
+import typer
+
+from threadpitch import __version__, cosim, lathe
+from threadpitch.cli.analyze import analyze
+from threadpitch.cli.build import build
+from threadpitch.cli.options import SEVERAL
+from threadpitch.cli.printing import complain, printing
+from threadpitch.cli.run import INTERRUPTED, run
+from threadpitch.fmu import BuildError, ModelError
+from threadpitch.parameters import ParameterFileError
+from threadpitch.pitch import PitchError
+from threadpitch.trace import TraceError
+from threadpitch.units import UnitError
+
+_KNOWN_ERRORS = (cosim.CosimError, lathe.LatheError, BuildError, ModelError, ParameterFileError, PitchError, TraceError,
+                 UnitError, OSError)
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
+                  context_settings={"help_option_names": ["-h", "--help"]},
+                  help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
+                       "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
+for _command in (run, analyze, build):
+    app.command()(_command)
+
+
+@app.callback(invoke_without_command=True)
+def _options(version: Annotated[bool, typer.Option(
+        "--version", metavar="", help="Print the version.")] = False) -> None:
+    if version:
+        with printing():
+            print(f"threadpitch {__version__}")
+        raise typer.Exit
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command line and leave the process: 0, 2 for bad input (one line on standard error), 130 after Ctrl-C."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # file names may hold what the terminal's encoding does not
+    status = invoke(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    # Without the destructors of loaded libraries: PythonFMU's, which glibc keeps, touches memory that is already freed.
+    os._exit(status)
+
+
+def invoke(arguments: Sequence[str]) -> int:
+    """The command line's exit status; what is wrong goes to standard error in one line."""
+    # Not app(): what that does with Ctrl-C and closed pipes differs from version to version.
+    try:
+        with typer.main.get_command(app).make_context("threadpitch", _one_value_each(arguments)) as context:
+            context.command.invoke(context)
+    except typer.Exit as end:
+        return end.exit_code
+    except typer.TyperException as error:
+        return complain(_usage(error))
+    except _KNOWN_ERRORS as error:
+        return complain(_file_message(error) if isinstance(error, OSError) else str(error))
+    except KeyboardInterrupt:
+        complain("interrupted")
+        return INTERRUPTED
+    return 0
+
+
+def _one_value_each(arguments: Sequence[str]) -> list[str]:
+    """``--start-angle 0 90`` as ``--start-angle 0 --start-angle 90``: several values may follow one option."""
+    expanded: list[str] = []
+    option = ""
+    for number, argument in enumerate(arguments):
+        if argument == "--":
+            return [*expanded, *arguments[number:]]
+        follows = bool(option) and re.fullmatch(SEVERAL[option], argument) is not None
+        if follows and expanded[-1] != option:
+            expanded.append(option)
+        elif not follows:
+            name = argument.partition("=")[0]
+            option = name if name in SEVERAL else ""
+        expanded.append(argument)
+    return expanded
+
+
+def _file_message(error: OSError) -> str:
+    if error.strerror is None:
+        return str(error)
+    return f"{error.filename}: {error.strerror.lower()}" if error.filename else error.strerror
+
+
+def _usage(error: typer.TyperException) -> str:
+    """What is wrong with the arguments, and where their help is, unless the message itself tells how to mend it."""
+    message = error.format_message().rstrip(".") or "a command is missing"
+    context = getattr(error, "ctx", None)
+    return message if ";" in message else f"{message}; see {context.command_path if context else 'threadpitch'} --help"

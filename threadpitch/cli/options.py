@@ -1,0 +1,48 @@
+"""What options of several commands share: how values are read, and which options take several."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from threadpitch import lathe
+
+# Options that take several values, and what a value looks like
+SEVERAL = {"--start-angle": r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", "--set": r"[^-=][^=]*=.*",
+           "--platform": r"(linux|win|darwin)(64|-arm64)|(x86_64|aarch64)-[a-z]+"}
+
+
+def number(text: str) -> float:
+    """The finite number that a text states."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a number; write it like 0.5") from None
+    if not math.isfinite(value):
+        raise typer.BadParameter(f"{text!r} is not finite; give a number like 0.5")
+    return value
+
+
+StartAngles = Annotated[list[float] | None, typer.Option(
+    "--start-angle", metavar="DEG ...", parser=number,
+    help="Start angles theta_S in degrees, several after one another.")]
+Flavor = Annotated[str | None, typer.Option(
+    metavar="native|python", help="Kind of FMUs that are built: native code, or Python by PythonFMU.",
+    show_default="native where a C compiler is found")]
+AsJson = Annotated[bool, typer.Option(
+    "--json", metavar="", help="Print one JSON document on standard output (mm, degrees, s).")]
+
+
+def radians(degrees: Sequence[float]) -> list[float]:
+    """Start angles of the command line, rad.
+
+    Raises:
+        LatheError: one is more than a turn.
+    """
+    for angle in degrees:
+        if not abs(angle) <= 360.0:
+            raise lathe.LatheError(f"start angle {angle:g} degrees is more than a turn; give angles from -360 to 360")
+    return [math.radians(angle) for angle in degrees]
