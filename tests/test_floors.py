@@ -13,7 +13,7 @@ FLOORS = (
     {"trace", "cycles", "fmu"},
     {"pitch", "cosim"},
     {"judgement", "tolerance", "lathe", "store", "parameters"},
-    {"tables", "publish", "study", "system_archive"},
+    {"tables", "publish", "study", "system_archive", "approach"},
     {"report", "run_folder"},
     {"serve"},
     {"cli"},

@@ -13,7 +13,9 @@ from typing import Annotated, NoReturn
 import typer
 
 from threadpitch import __version__, cosim, lathe
+from threadpitch.approach import ApproachError
 from threadpitch.cli.analyze import analyze
+from threadpitch.cli.approach import approach
 from threadpitch.cli.build import build
 from threadpitch.cli.cycle import cycle
 from threadpitch.cli.options import SEVERAL
@@ -27,14 +29,14 @@ from threadpitch.report.figure import PlotError
 from threadpitch.trace import TraceError
 from threadpitch.units import UnitError
 
-_KNOWN_ERRORS = (cosim.CosimError, lathe.LatheError, BuildError, CycleError, ModelError, ParameterFileError, PitchError,
-                 PlotError, TraceError, UnitError, OSError)
+_KNOWN_ERRORS = (ApproachError, cosim.CosimError, lathe.LatheError, BuildError, CycleError, ModelError,
+                 ParameterFileError, PitchError, PlotError, TraceError, UnitError, OSError)
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
                   context_settings={"help_option_names": ["-h", "--help"]},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
-for _command in (run, analyze, build, cycle):
+for _command in (run, analyze, build, cycle, approach):
     app.command()(_command)
 
 
