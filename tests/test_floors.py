@@ -14,7 +14,7 @@ FLOORS = (
     {"pitch", "cosim"},
     {"judgement", "tolerance", "store", "parameters", "replacement"},
     {"lathe"},
-    {"tables", "publish", "study", "system_archive"},
+    {"tables", "publish", "study", "system_archive", "approach"},
     {"report", "run_folder", "system_report"},
     {"serve"},
     {"cli"},

@@ -35,7 +35,7 @@ ROUNDS = 15
 FAMILIES = ("fmi2Real", "fmi2Integer", "fmi2Boolean")
 
 
-@numba.njit  # type: ignore[untyped-decorator] # Numba's own types leave it out
+@numba.njit
 def bare_loop(component: int, do_step: int, sets: Any, steps: int, step_size: float) -> int:
     """Per step: for every row of ``sets`` (function, references, count, first value, bytes of a row), then doStep."""
     worst = 0

@@ -87,7 +87,7 @@ def test_a_loop_that_never_rests_is_named() -> None:
 @given(st.lists(st.floats(-0.5, 0.5), min_size=9, max_size=9), st.lists(st.floats(-9.0, 9.0), min_size=3, max_size=3))
 def test_relaxation_finds_the_fixed_point_of_a_contraction(matrix: list[float], offset: list[float]) -> None:
     slope = np.reshape(matrix, (3, 3))
-    slope *= 0.9 / max(0.9, np.linalg.norm(slope, 2))
+    slope *= 0.9 / max(0.9, float(np.linalg.norm(slope, 2)))
     iterates, loop = Iterates.of([0, 1, 2], []), Loop(0, 1, 0, 3, 0, 0)
     reals, octets, omega = np.ones(3), np.zeros(0, np.uint8), 1.0
     begin_iteration(iterates, loop, reals, octets)

@@ -45,7 +45,7 @@ def methods(draw: st.DrawFn, components: int, couplings: Sequence[str]) -> Metho
         tolerance = draw(st.sampled_from([1e-8, 0.1]))
         return Method(coupling, order, iterations=draw(st.integers(3, 20)), tolerance=tolerance)
     names = [f"c{number}" for number in range(components)]
-    ahead = ()
+    ahead: tuple[str, ...] = ()
     if coupling == "jacobi" and "iterated" in couplings:
         ahead = tuple(draw(st.lists(st.sampled_from(names), unique=True)))
     return Method(coupling, order, {name: draw(st.sampled_from([1, 1, 2, 3, 4])) for name in names}, ahead)

@@ -14,28 +14,33 @@ from typing import Annotated, NoReturn
 import typer
 
 from threadpitch import __version__, cosim, lathe
+from threadpitch.approach import ApproachError
 from threadpitch.cli.analyze import analyze
+from threadpitch.cli.approach import approach
 from threadpitch.cli.build import build
 from threadpitch.cli.check import check
+from threadpitch.cli.cycle import cycle
 from threadpitch.cli.options import SEVERAL
 from threadpitch.cli.printing import complain, printing
 from threadpitch.cli.resume import resume
 from threadpitch.cli.run import run
 from threadpitch.cosim.interrupt import Terminated, end_in_order
+from threadpitch.cycles import CycleError
 from threadpitch.fmu import BuildError, ModelError
 from threadpitch.parameters import ParameterFileError
 from threadpitch.pitch import PitchError
+from threadpitch.report.figure import PlotError
 from threadpitch.trace import TraceError
 from threadpitch.units import UnitError
 
-_KNOWN_ERRORS = (cosim.CosimError, lathe.LatheError, BuildError, ModelError, ParameterFileError, PitchError, TraceError,
-                 UnitError, OSError)
+_KNOWN_ERRORS = (ApproachError, cosim.CosimError, lathe.LatheError, BuildError, CycleError, ModelError,
+                 ParameterFileError, PitchError, PlotError, TraceError, UnitError, OSError)
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
                   context_settings={"help_option_names": ["-h", "--help"]},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
-for _command in (run, resume, check, analyze, build):
+for _command in (run, resume, check, analyze, build, cycle, approach):
     app.command()(_command)
 
 

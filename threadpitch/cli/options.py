@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +11,7 @@ from typing import Annotated
 import typer
 
 from threadpitch import lathe
+from threadpitch.units import UnitError, conversion
 
 _RECORDED = r"outputs|inputs|locals|parameters|\*|(?!.*\.ss[dp]$)[^-/\\][^/\\]*\.[^/\\]*"
 # Options that take several values, and what a value looks like
@@ -32,6 +34,26 @@ def number(text: str) -> float:
         raise typer.BadParameter(f"{text!r} is not a number; write it like 0.5") from None
     if not math.isfinite(value):
         raise typer.BadParameter(f"{text!r} is not finite; give a number like 0.5")
+    return value
+
+
+def quantity(text: str, target: str, option: str) -> float:
+    """A positive quantity with its unit ("1.5mm", "500rpm"), in SI; ``target`` is the SI unit.
+
+    Raises:
+        LatheError: no number, no unit, a unit of something else, or not positive.
+    """
+    match = re.fullmatch(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", text)
+    example = {"m": "1.5mm", "rad/s": "500rpm"}[target]
+    if match is None or not match[2]:
+        raise lathe.LatheError(f"{option} {text!r} is not a number with a unit; write it like {example}")
+    try:
+        factor, offset = conversion(match[2], target)
+    except UnitError as error:
+        raise lathe.LatheError(f"{option} {text!r}: {error}; write it like {example}") from None
+    value = float(match[1]) * factor + offset
+    if not 0.0 < value < math.inf:
+        raise lathe.LatheError(f"{option} {text!r} is not positive; write it like {example}")
     return value
 
 
