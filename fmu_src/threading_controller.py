@@ -265,10 +265,13 @@ class ThreadingController(ThreadPasses):
         block = self.block
         target = self._target(turned)
         opens = not self._waits(turned)
-        self.coincidence = self.coincidence or (opens and (block < self.block or not self.gate))
+        met = (opens and not self.gate) or (block < self.block and (opens or not self.gate))
+        self.coincidence = self.coincidence or met
         self.gate = opens
         end = self.chain_way[self.block]
-        last = self.block > self.further_blocks
+        if not opens:
+            end = self.chain_way[self.block - 1]
+        last = opens and self.block > self.further_blocks
         if self.start_mode == EXPONENTIAL:
             velocity = self._lagged_velocity(target)
             ends = last and target >= end
@@ -278,7 +281,7 @@ class ThreadingController(ThreadPasses):
             velocity = self._catching_velocity(target, self.chain_way[k], line_velocity)
             limit = self._stopping_velocity(end - self.travel)
             ends = last and velocity > limit
-            if velocity > limit and self._stop_ahead():
+            if velocity > limit and (not opens or self._stop_ahead()):
                 velocity = limit
                 self.on_line = False
         self.former_target = target
