@@ -23,6 +23,8 @@ from threadpitch.cycles import (
     tool_path,
 )
 from threadpitch.program_parameters import Operation, OperationError, Workpiece, operations
+from threadpitch.run_folder import run_document
+from threadpitch.tables import pass_text
 from threadpitch.trace import TURN, FloatArray
 
 PROGRAMS = Path(__file__).parents[1] / "models" / "programs"
@@ -92,9 +94,10 @@ def test_the_parameters_of_a_cycle_are_its_words() -> None:
     assert parameters["controller.finishing"] == "first_takes_all"
     assert parameters["controller.clamping"] == "no_memory"
     assert parameters["controller.commanded_speed"] == pytest.approx(600.0 / 60.0 * TURN)
-    for name, value in {"x_clear": 13e-3, "z_start": 5e-3, "z_end": -8e-3, "x_thread": 9.08e-3,
-                        "thread_height": 0.92e-3, "first_cut": 0.5e-3, "least_cut": 0.05e-3,
-                        "allowance": 0.05e-3, "lead": 1.5e-3, "run_out_length": 1.5e-3, "tool_angle": math.radians(60.0), "x_surface": 10e-3}.items():
+    wanted = {"x_clear": 13e-3, "z_start": 5e-3, "z_end": -8e-3, "x_thread": 9.08e-3, "thread_height": 0.92e-3,
+              "first_cut": 0.5e-3, "least_cut": 0.05e-3, "allowance": 0.05e-3, "lead": 1.5e-3,
+              "run_out_length": 1.5e-3, "tool_angle": math.radians(60.0), "x_surface": 10e-3}
+    for name, value in wanted.items():
         assert parameters[f"controller.{name}"] == pytest.approx(value), name
     assert parameters["z_drive.initial_position"] == pytest.approx(5e-3)
     assert parameters["x_drive.initial_position"] == pytest.approx(13e-3)
@@ -210,6 +213,22 @@ def test_the_passes_say_which_makes_the_final_flank() -> None:
     assert tuple(one.number for one in result.passes if one.final_flank) == final_flank(cut)
     assert [one.kind for one in result.passes] == [one.kind for one in cut]
     assert all(one.pitch == one.lead == pytest.approx(LEAD) for one in result.passes)
+
+
+def test_tables_and_documents_tell_lead_and_pitch_apart() -> None:
+    (operation,) = program("G97 S600 M3\nG0 X26. Z5.\nG92 X19.4 Z-8. F3. L2\nX18.8\nM30\n")
+    result = lathe.simulate(parameters=operation.parameters, stop_time=operation.stop_time)
+    last = result.passes[-1]
+    text = pass_text(last).splitlines()
+    assert text[0] == "Pass 4, start 2"
+    assert text[1:3] == ["finish, depth 0.9202 mm, makes the final flank",
+                         "start angle 180 deg, lead 3 mm, pitch 1.5 mm"]
+    record = run_document(result)["passes"]
+    assert isinstance(record, list)
+    assert record[-1]["kind"] == "finish"
+    assert (record[-1]["lead_mm"], record[-1]["groove_pitch_mm"]) == pytest.approx((3.0, 1.5))
+    assert [one["final_flank"] for one in record] == [False, False, True, True]
+    assert record[-1]["start_angle_deg"] == pytest.approx(180.0)
 
 
 def test_the_tool_path_is_that_of_the_words_within_the_lag_of_the_drives() -> None:
