@@ -11,7 +11,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from threadpitch.lathe import Pass, Simulation
+from threadpitch.lathe import Simulation
+from threadpitch.passes import Pass
 from threadpitch.tables import pass_text, pitch_record, start_angles_deg
 from threadpitch.units import from_si
 

@@ -17,7 +17,7 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from threadpitch.lathe import Pass
+from threadpitch.passes import Pass
 from threadpitch.pitch import GroupPitch, PitchTable, Statistics
 from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
