@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,34 +19,20 @@ from threadpitch.cosim.master import Progress
 from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
 from threadpitch.fmu import available_compiler, cached_fmu
-from threadpitch.pitch import PitchTable, Statistics, statistics
+from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE, FloatArray, Pass, ToolPath, find_passes
+from threadpitch.pitch import PitchTable
 from threadpitch.replacement import replacements
 from threadpitch.units import from_si
 
 DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
 ACTUAL = "actual_pitch"
-CONTROLLER = "controller"
+Z_DRIVE, X_DRIVE = "z_drive", "x_drive"
 ANGLES = 8  # start angles of a PitchCalculator
-TURNS_A_STEP = 8  # turns of one start angle that it keeps per step
-
-FloatArray = NDArray[np.float64]
 
 
 class LatheError(ValueError):
     """The simulation cannot answer the question that was asked; the message tells why and how to mend it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Pass:
-    """One threading pass: the pitches of its whole turns, and which of them lie in the metal."""
-
-    number: int
-    start_number: int
-    table: PitchTable
-    effective: Statistics | None  # over the turns wholly in the metal; None where the system does not tell the face
-    deviation: FloatArray  # (start_angles, revolutions) m, P(n) - target
-    in_metal: NDArray[np.bool_]  # (start_angles, revolutions)
 
 
 class Simulation(Mapping[str, cosim.recording.Column]):
@@ -106,8 +91,22 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         """
         if calculator not in self.calculators:
             raise LatheError(f"component {calculator!r} calculates no pitches{nearest(calculator, self.calculators)}")
-        found = (self._pass(calculator, number, rows) for number, rows in enumerate(self._stretches(), start=1))
-        return tuple(one for one in found if one is not None)
+        return find_passes(self._turning, calculator, self._threading())
+
+    @property
+    def tool_path(self) -> ToolPath:
+        """Where the tool truly was, after the errors of both drives.
+
+        Raises:
+            LatheError: the system has no drive for one of the axes.
+        """
+        names = [f"{Z_DRIVE}.position", f"{X_DRIVE}.position", f"{CONTROLLER}.threading"]
+        missing = [name for name in names if name not in self.result]
+        if missing:
+            raise LatheError(f"the system has no {missing[0]}, so that there is no tool path; take one with the "
+                             f"components {Z_DRIVE}, {X_DRIVE} and {CONTROLLER}")
+        z, x, threading = (np.asarray(self.result[name]) for name in names)
+        return ToolPath(self.time, z.astype(np.float64), x.astype(np.float64), threading.astype(np.bool_))
 
     @property
     def pitch_table(self) -> PitchTable:
@@ -146,60 +145,6 @@ class Simulation(Mapping[str, cosim.recording.Column]):
     def _threading(self) -> NDArray[np.bool_]:
         """(rows,) whether the first calculator's input said threading."""
         return np.asarray(self._turning[f"{self.calculators[0]}.threading"], dtype=np.bool_)
-
-    def _stretches(self) -> list[slice]:
-        """Rows of every threading pass: from the first that is threading to the last before the next pass."""
-        threading = self._threading()
-        begins = np.flatnonzero(threading & ~np.concatenate(([False], threading[:-1])))
-        ends = np.append(begins, threading.size)[1:]
-        return [slice(int(begin), int(end)) for begin, end in zip(begins, ends, strict=True)]
-
-    def _pass(self, calculator: str, number: int, rows: slice) -> Pass | None:
-        count = int(self._turning[f"{calculator}.start_angle_count"][0])
-        turns = [self._turns(calculator, angle, rows) for angle in range(count)]
-        longest = max(pitch.size for pitch, _ in turns)
-        if longest == 0:
-            return None
-        pitch = np.full((count, longest), np.nan)  # (start_angles, revolutions)
-        ends = np.full((count, longest), np.nan)
-        for row, (values, positions) in enumerate(turns):
-            pitch[row, :values.size], ends[row, :values.size] = values, positions
-        starts = [float(self._turning[f"{calculator}.start_angle[{i + 1}]"][0]) for i in range(count)]
-        target = float(self._turning[f"{calculator}.pitch_target"][0])
-        in_metal = self._in_metal(pitch, ends)
-        effective = None if in_metal is None else statistics(np.where(in_metal, pitch, np.nan))
-        return Pass(number, self._start_number(rows), PitchTable.of_pitches(pitch, starts), effective, pitch - target,
-                    np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal)
-
-    def _turns(self, calculator: str, angle: int, rows: slice) -> tuple[FloatArray, FloatArray]:
-        """(P(n), xi at the end of turn n) of one start angle: several turns may end in one step."""
-        completed = self._turning[f"{calculator}.completed[{angle + 1}]"][rows]
-        position = self._turning[f"{calculator}.crossing_position[{angle + 1}]"][rows]
-        direction = self._turning[f"{calculator}.direction"][rows]
-        pitches: list[float] = []
-        ends: list[float] = []
-        for row in np.flatnonzero(completed):
-            kept = [float(self._turning[f"{calculator}.completed_pitch[{TURNS_A_STEP * angle + turn + 1}]"][rows][row])
-                    for turn in range(int(completed[row]))]
-            after = np.cumsum(kept[::-1])[::-1] - np.array(kept)  # movement of this step's later turns
-            ends += (position[row] - direction[row] * after).tolist()
-            pitches += kept
-        return np.array(pitches), np.array(ends)
-
-    def _in_metal(self, pitch: FloatArray, ends: FloatArray) -> NDArray[np.bool_] | None:
-        """Turns that begin behind the workpiece's face; they end before z_end because threading does."""
-        names = [f"{CONTROLLER}.{name}" for name in ("z_face", "z_start", "z_end")]
-        if not all(name in self._turning for name in names):
-            return None
-        face, start, end = (float(self._turning[name][0]) for name in names)
-        sense = 1.0 if end > start else -1.0
-        begins = ends - sense * pitch
-        with np.errstate(invalid="ignore"):
-            return np.asarray(sense * (begins - face) >= 0.0)
-
-    def _start_number(self, rows: slice) -> int:
-        name = f"{CONTROLLER}.start_number"
-        return int(self._turning[name][rows][0]) if name in self._turning else 1
 
 
 def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Given] | None = None,
@@ -271,7 +216,7 @@ def _watch(calculators: Sequence[str], controllers: Sequence[str]) -> cosim.Watc
                                                          "crossing_position*")]
         on += [f"{name}.{variable}" for variable in ("threading", "completed[*", "revolution*")]
     for name in controllers:
-        record += [f"{name}.{variable}" for variable in ("z_face", "z_start", "z_end", "start_number")]
+        record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
     return cosim.Watch(tuple(record), tuple(on))
 
 
