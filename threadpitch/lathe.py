@@ -7,8 +7,10 @@ the pitches in what was recorded.
 from __future__ import annotations
 
 import functools
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace as replaced
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +49,14 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         self.steps = result.steps
         self.wall_time = result.wall_time
         self._turning = result if result.watched is None else result.watched  # rows in which turns end, or all
+        self._numbers: tuple[int, ...] = ()
+        self._final: frozenset[int] = frozenset()
+
+    def numbered(self, numbers: Sequence[int], final: Iterable[int]) -> Simulation:
+        """The same, its passes with the numbers that a program gives them; ``final`` make the final flanks."""
+        other = Simulation(self.result, self.flavor)
+        other._numbers, other._final = tuple(numbers), frozenset(final)
+        return other
 
     @property
     def time(self) -> FloatArray:
@@ -91,7 +101,22 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         """
         if calculator not in self.calculators:
             raise LatheError(f"component {calculator!r} calculates no pitches{nearest(calculator, self.calculators)}")
-        return find_passes(self._turning, calculator, self._threading())
+        found = find_passes(self._turning, calculator, self._threading())
+        if not self._numbers:
+            return found
+        return tuple(replaced(one, number=number, final_flank=number in self._final)
+                     for one, number in ((one, self._numbers[one.number - 1]) for one in found))
+
+    def axis_too_slow(self) -> str:
+        """What to say where lead x speed is more than the Z axis does; nothing where it is not, or not told."""
+        names = [f"{CONTROLLER}.lead", f"{CONTROLLER}.commanded_speed", f"{Z_DRIVE}.speed_limit"]
+        if not all(name in self._turning for name in names):
+            return ""
+        lead, speed, limit = (float(self._turning[name][0]) for name in names)
+        if lead * speed / (2.0 * math.pi) <= limit:
+            return ""
+        return (f"{from_si(lead, 'mm'):.6g} mm a turn at {from_si(speed, 'rpm'):.6g} rpm is more than the Z axis does; "
+                f"turn at most {from_si(2.0 * math.pi * limit / lead, 'rpm'):.0f} rpm")
 
     @property
     def tool_path(self) -> ToolPath:
@@ -178,10 +203,13 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
                            if "completed_pitch[1]" in description.variables]
             controllers = [name for name, description in plan.descriptions.items()
                            if {"z_face", "start_number"} <= description.variables.keys()]
+            limits = [f"{component}.{name}" for component, name in ((CONTROLLER, "commanded_speed"),
+                                                                    (Z_DRIVE, "speed_limit"))
+                      if component in plan.descriptions and name in plan.descriptions[component].variables]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
         if f"{CONTROLLER}.lead" in chosen:  # another lead is another target, where none is given
             chosen = {f"{name}.pitch_target": chosen[f"{CONTROLLER}.lead"] for name in calculators} | chosen
-        watch = _watch(calculators, controllers)
+        watch = _watch(calculators, controllers, limits)
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
                                 record_every=record_every, record_on=record_on, watch=watch, results=results,
@@ -208,7 +236,7 @@ def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: 
     return Simulation(result, flavor)
 
 
-def _watch(calculators: Sequence[str], controllers: Sequence[str]) -> cosim.Watch:
+def _watch(calculators: Sequence[str], controllers: Sequence[str], limits: Sequence[str]) -> cosim.Watch:
     """What tells of every turn: the calculators' results when a turn ends or threading begins or ends."""
     record, on = [], []
     for name in calculators:
@@ -217,6 +245,7 @@ def _watch(calculators: Sequence[str], controllers: Sequence[str]) -> cosim.Watc
         on += [f"{name}.{variable}" for variable in ("threading", "completed[*", "revolution*")]
     for name in controllers:
         record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
+    record += limits
     return cosim.Watch(tuple(record), tuple(on))
 
 

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 
 from threadpitch import cycles
-from threadpitch.cli.options import AsJson, number
+from threadpitch.cli.options import AsJson, Dialect, Starts, Waiting, indexing, number
 from threadpitch.cli.printing import fail, print_json, printing, remark
 from threadpitch.report.cycle_plot import plot_cycle
 from threadpitch.units import from_si, to_si
@@ -28,15 +28,11 @@ def cycle(
         metavar="FILE", help="A whole program instead of blocks.")] = None,
     at: Annotated[str | None, typer.Option(
         metavar="X,Z", help="Start point in mm, X as diameter.", show_default="clear of an external thread")] = None,
-    dialect: Annotated[str, typer.Option(
-        metavar="NAME", help=f"Control: {', '.join(cycles.DIALECTS)}.")] = cycles.TOMATECH.name,
+    dialect: Dialect = cycles.TOMATECH.name,
     increments: Annotated[str, typer.Option(
         metavar="IS-B|IS-C", help="Least input increment: 0.001 or 0.0001 mm.")] = cycles.IncrementSystem.IS_B.value,
-    starts: Annotated[int, typer.Option(
-        metavar="N", min=1, max=100, help="Starts of a thread by G76: pitch = lead / N.")] = 1,
-    wait: Annotated[str, typer.Option(
-        metavar="once|every-block", help="What a chain of threading blocks waits for: the first block for its start "
-                                         "angle, or every block for its own (special grooves).")] = "once",
+    starts: Starts = 1,
+    wait: Waiting = "once",
     speed: Annotated[float | None, typer.Option(
         metavar="RPM", parser=number, help="Spindle speed, where the blocks have no S.")] = None,
     axis_speed: Annotated[float, typer.Option(
@@ -57,7 +53,7 @@ def cycle(
     kept = cycles.ParameterFile(parameters) if parameters is not None else None
     setup = cycles.Setup(
         dialect=cycles.dialect_named(dialect), increments=_increments(increments), starts=starts,
-        indexing=_indexing(wait), parameters=kept.read() if kept else cycles.ControlParameters(),
+        indexing=indexing(wait), parameters=kept.read() if kept else cycles.ControlParameters(),
         position=cycles.start_point(at) if at is not None else None,
         spindle_speed=None if speed is None else _turning(speed))
     if program is not None:
@@ -95,13 +91,6 @@ def _increments(name: str) -> cycles.IncrementSystem:
         near = difflib.get_close_matches(name.upper(), known, n=1) or list(known)
         fail(f"increment system {name!r} is not known; choose {' or '.join(near)}")
     return found
-
-
-def _indexing(name: str) -> cycles.Indexing:
-    known = {one.value.replace("_", "-"): one for one in cycles.Indexing}
-    if name not in known:
-        fail(f"--wait {name!r} is not known; choose {' or '.join(known)}")
-    return known[name]
 
 
 def _show(result: cycles.Interpretation) -> None:

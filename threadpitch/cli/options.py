@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from threadpitch import lathe
+from threadpitch import cycles, lathe
 from threadpitch.units import UnitError, conversion
 
 _RECORDED = r"outputs|inputs|locals|parameters|\*|(?!.*\.ss[dp]$)[^-/\\][^/\\]*\.[^/\\]*"
@@ -67,11 +67,30 @@ ParameterFiles = Annotated[list[Path] | None, typer.Option(
     "--parameters", metavar="FILE", help="Parameter file: .ssv, .toml or .json; --set wins over it.")]
 Replacements = Annotated[list[str] | None, typer.Option(
     metavar="NAME=FILE ...", help="Run another FMU, or a model file (.py), as this component.")]
+Dialect = Annotated[str, typer.Option(
+    "--dialect", metavar="NAME", help=f"Control that the program is written for: {', '.join(cycles.DIALECTS)}.")]
+Starts = Annotated[int, typer.Option(
+    "--starts", metavar="N", min=1, max=100, help="Starts of a thread by G76: pitch = lead / N.")]
+Waiting = Annotated[str, typer.Option(
+    "--wait", metavar="once|every-block", help="What a chain of threading blocks waits for: the first block for its "
+                                               "start angle, or every block for its own (special grooves).")]
 Flavor = Annotated[str | None, typer.Option(
     metavar="native|python", help="Kind of FMUs that are built: native code, or Python by PythonFMU.",
     show_default="native where a C compiler is found")]
 AsJson = Annotated[bool, typer.Option(
     "--json", metavar="", help="Print one JSON document on standard output (mm, degrees, s).")]
+
+
+def indexing(name: str) -> cycles.Indexing:
+    """What ``--wait`` names.
+
+    Raises:
+        CycleError: it is not known.
+    """
+    known = {one.value.replace("_", "-"): one for one in cycles.Indexing}
+    if name not in known:
+        raise cycles.CycleError(f"--wait {name!r} is not known; choose {' or '.join(known)}")
+    return known[name]
 
 
 def radians(degrees: Sequence[float]) -> list[float]:

@@ -9,8 +9,8 @@ import typer
 
 from threadpitch import cosim, lathe
 from threadpitch.cli.options import AsJson, number
+from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, keeping
 from threadpitch.cli.printing import progress
-from threadpitch.cli.run import DEFAULT_OUTPUT, finish, keeping
 from threadpitch.run_folder import check_folder
 
 

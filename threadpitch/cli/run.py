@@ -2,38 +2,45 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from threadpitch import cosim, lathe
+from threadpitch import cycles, lathe
 from threadpitch.cli.options import (
     AsJson,
     Assignments,
+    Dialect,
     Flavor,
     ParameterFiles,
     Replacements,
     StartAngles,
+    Starts,
+    Waiting,
+    indexing,
     number,
     radians,
 )
-from threadpitch.cli.printing import BAD_INPUT, complain, fail, print_json, printing, progress
+from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping
+from threadpitch.cli.printing import fail, progress
+from threadpitch.cli.program import run_program
 from threadpitch.cosim.values import Given
 from threadpitch.parameters import read_assignments, read_parameters
 from threadpitch.replacement import read_replacements
-from threadpitch.run_folder import check_folder, run_document, save_run
-from threadpitch.tables import show_pass
-
-DEFAULT_OUTPUT = "threadpitch-run"
+from threadpitch.run_folder import check_folder
 
 
 def run(
     system: Annotated[str, typer.Argument(
         metavar="SYSTEM", help="Folder with SystemStructure.ssd, an .ssd or an .ssp.")] = lathe.DEFAULT_SYSTEM,
+    program: Annotated[Path | None, typer.Option(
+        metavar="FILE", help="NC program whose threads the lathe cuts, operation by operation; --set wins over its "
+                             "words.")] = None,
+    dialect: Dialect = cycles.TOMATECH.name,
+    starts: Starts = 1,
+    wait: Waiting = "once",
     assignments: Assignments = None,
     parameters: ParameterFiles = None,
     replace: Replacements = None,
@@ -71,53 +78,20 @@ def run(
         values |= read_parameters(file)
     values |= read_assignments(assignments or [])
     angles = None if start_angle is None else radians(start_angle)
-    with keeping(output, lathe.choose_flavor(flavor)), progress("simulating") as told:
-        simulation = lathe.simulate(
-            system, parameters=values, start_angles=angles, stop_time=stop_time, step_size=step_size, flavor=flavor,
-            record=record, record_every=record_every, record_on=record_on or (), results=results,
-            checkpoint=checkpoint, checkpoint_every=checkpoint_every,
-            replace={**read_replacements(replace or [])},
-            isolate=isolate == ["all"] or isolate or False, progress=told)
-    finish(simulation, output, as_json)
+    replaced = {**read_replacements(replace or [])}
 
+    def simulated(folder: Path, words: Mapping[str, Given], enough: float | None) -> lathe.Simulation:
+        with keeping(folder, lathe.choose_flavor(flavor)), progress("simulating") as told:
+            return lathe.simulate(
+                system, parameters={**words, **values}, start_angles=angles, step_size=step_size, flavor=flavor,
+                stop_time=enough if stop_time is None else stop_time, record=record, record_every=record_every,
+                record_on=record_on or (), results=results, checkpoint=checkpoint, checkpoint_every=checkpoint_every,
+                replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
 
-def finish(simulation: lathe.Simulation, output: Path, as_json: bool) -> None:
-    """Save a simulation that came to its end, and print what it found."""
-    if simulation.calculators and not simulation.passes:
-        fail(simulation.why_no_turn())
-    saved = save_run(simulation, output)
-    with printing():
-        if as_json:
-            print_json(run_document(simulation))
-        else:
-            _show(simulation, saved)
-    for warning in simulation.result.warnings:
-        complain(f"warning: {warning}")
-
-
-def _show(simulation: lathe.Simulation, saved: Sequence[Path]) -> None:
-    console = Console()
-    for one in simulation.passes:
-        show_pass(console, one)
-        console.print()
-    if not simulation.calculators:
-        console.print(simulation.why_no_turn())
-    result = simulation.result
-    elsewhere = "" if result.path is None else f", results in {result.path}"
-    print(f"{simulation.steps} steps, {simulation.simulated:g} s simulated in {simulation.wall_time:.2f} s with "
-          f"{simulation.flavor} FMUs\nsaved in {saved[0].parent}: {', '.join(path.name for path in saved)}{elsewhere}")
-
-
-@contextlib.contextmanager
-def keeping(output: Path, flavor: str) -> Iterator[None]:
-    """While a simulation runs: what was recorded before it is ended or fails is saved."""
-    try:
-        yield
-    except (cosim.SimulationInterrupted, cosim.StepError) as error:
-        kept = ""
-        # A run that fails before its first step leaves the former one.
-        if error.result is not None and (error.result.steps or isinstance(error, cosim.SimulationInterrupted)):
-            folder = save_run(lathe.Simulation(error.result, flavor), output)[0].parent
-            kept = f"; what was recorded is in {error.result.path or folder}"
-        complain(f"{error}{kept}")
-        raise typer.Exit(128 + error.signal if isinstance(error, cosim.SimulationInterrupted) else BAD_INPUT) from None
+    if program is None:
+        finish(simulated(output, {}, None), output, as_json)
+        return
+    if results is not None or checkpoint is not None:
+        fail("--results and --checkpoint hold one simulation; a program is several: leave them out")
+    setup = cycles.Setup(dialect=cycles.dialect_named(dialect), starts=starts, indexing=indexing(wait))
+    finish_program(run_program(program, setup, output, simulated), as_json)
