@@ -182,6 +182,12 @@ def test_refused_with_line_construct_and_mend(body: str, construct: str, tmp_pat
     assert "\n" not in message
 
 
+def test_the_mend_has_its_article(tmp_path: Path) -> None:
+    for body, mend in (("self.n = self.ok", "give an int"), ("self.y = self.ok", "give a float")):
+        with pytest.raises(ModelError, match=f"; {mend}$"):
+            plain_module(read(_model(tmp_path, body)))
+
+
 @pytest.mark.parametrize(("place", "text", "construct"), [
     ("top", "import math", "import math"),
     ("top", "from math import hypot", "from math import hypot"),

@@ -14,8 +14,8 @@ _TAKEN = """
     NULL EOF I NAN INFINITY HUGE_VAL TRUE FALSE BUFSIZ RAND_MAX M_PI M_E DOMAIN OVERFLOW UNDERFLOW SING
 """
 C_NAMES = frozenset(_TAKEN.split())
-# Macros in lower case; those in upper case are more than can be listed
-_MACROS = frozenset(("linux", "unix", "errno", "stdin", "stdout", "stderr", "assert", "offsetof"))
+# Macros and types in lower case; macros in upper case are more than can be listed
+_MACROS = frozenset(("linux", "unix", "errno", "stdin", "stdout", "stderr", "assert", "offsetof", "int64_t"))
 
 
 def check_local(path: Path, node: ast.AST, name: str) -> None:

@@ -23,7 +23,8 @@ from pathlib import Path
 from threadpitch.fmu.cache import cache_folder, write_folder
 from threadpitch.fmu.failure import BuildError
 
-FLAGS = ("-std=gnu99", "-O3", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-fast-math",
+NO_CONTRACTION = "-ffp-contract=off"
+FLAGS = ("-std=gnu99", "-O3", "-fPIC", "-shared", "-fvisibility=hidden", NO_CONTRACTION, "-fno-fast-math",
          "-fno-math-errno", "-w")
 _SYSTEM_COMPILERS = ("gcc", "clang", "cc")
 _ZIG = "ziglang"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -142,6 +143,22 @@ def test_fmpy_compiles_the_sources_and_the_results_are_equal(tmp_path: Path, fmi
     build_platform_binary(folder, tmp_path / "build")
     packed = shutil.make_archive(str(tmp_path / "compiled"), "zip", folder)
     assert check_built(packed) == []
+
+
+@needs_compiler
+def test_an_importer_that_compiles_is_told_not_to_contract_and_does_not(tmp_path: Path) -> None:
+    entries = _entries(built(TEST_MODEL, 3))
+    assert b'compilerOptions="-ffp-contract=off"' in entries["sources/buildDescription.xml"]
+    if platform.machine() != "x86_64" or shutil.which("gcc") is None:
+        pytest.skip("no gcc for x86_64")
+    for name, content in entries.items():
+        if name.startswith("sources/"):
+            (tmp_path / Path(name).name).write_bytes(content)
+    subprocess.run(["gcc", "-std=gnu99", "-O3", "-mfma", "-ffp-contract=fast", "-S", "equations.c"], cwd=tmp_path,
+                   check=True)
+    made = (tmp_path / "equations.s").read_text()
+    assert "mulsd" in made
+    assert "vfm" not in made
 
 
 @needs_zig
