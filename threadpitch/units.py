@@ -41,7 +41,7 @@ _TABLE = (
     _unit("m", m=1), _unit("mm", 1e-3, m=1), _unit("um", 1e-6, m=1), _unit("nm", 1e-9, m=1), _unit("inch", 0.0254, m=1),
     _unit("rad", rad=1), _unit("deg", math.pi / 180.0, rad=1), _unit("rev", _TURN, rad=1),
     _unit("s", s=1), _unit("ms", 1e-3, s=1), _unit("us", 1e-6, s=1), _unit("min", 60.0, s=1),
-    _unit("Hz", s=-1), _unit("1/s", s=-1),
+    _unit("Hz", s=-1), _unit("kHz", 1e3, s=-1), _unit("1/s", s=-1),
     _unit("rad/s", rad=1, s=-1), _unit("rpm", _TURN / 60.0, rad=1, s=-1), _unit("deg/s", math.pi / 180.0, rad=1, s=-1),
     _unit("rad/s2", rad=1, s=-2), _unit("rad/s3", rad=1, s=-3),
     _unit("m/s", m=1, s=-1), _unit("mm/s", 1e-3, m=1, s=-1), _unit("m/min", 1.0 / 60.0, m=1, s=-1),
@@ -72,7 +72,7 @@ _TABLE = (
     _unit("Pa.s", kg=1, m=-1, s=-1), _unit("m2/s", m=2, s=-1),
     _unit("m2", m=2), _unit("mm2", 1e-6, m=2), _unit("m3", m=3), _unit("mm3", 1e-9, m=3), _unit("l", 1e-3, m=3),
     _unit("m3/s", m=3, s=-1), _unit("l/min", 1e-3 / 60.0, m=3, s=-1), _unit("kg/s", kg=1, s=-1),
-    _unit("m3/Pa", kg=-1, m=4, s=2), _unit("kg/m3", kg=1, m=-3), _unit("g", 1e-3, kg=1), _unit("h", 3600.0, s=1), _unit("kHz", 1e3, s=-1),
+    _unit("m3/Pa", kg=-1, m=4, s=2), _unit("kg/m3", kg=1, m=-3), _unit("g", 1e-3, kg=1), _unit("h", 3600.0, s=1),
     _unit("K", K=1), _unit("1/K", K=-1), _unit("um/m/K", 1e-6, K=-1), _unit("degC", 1.0, 273.15, K=1),
     _unit("um/m", 1e-6), _unit("um/(300 mm)", 1e-6 / 0.3),
 )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import ast
-from pathlib import Path
 
 from threadpitch.fmu.expressions import refuse
+from threadpitch.fmu.source_text import SourceText
 
 # Functions of C's math library and macros of its headers: a name of the file would be taken for them.
 _TAKEN = """
@@ -18,12 +18,12 @@ C_NAMES = frozenset(_TAKEN.split())
 _MACROS = frozenset(("linux", "unix", "errno", "stdin", "stdout", "stderr", "assert", "offsetof", "int64_t"))
 
 
-def check_local(path: Path, node: ast.AST, name: str) -> None:
+def check_local(text: SourceText, node: ast.AST, name: str) -> None:
     """Refuse a local or an argument whose name a header of C replaces by something else.
 
     Raises:
         ModelError: the name is, or may be, a macro.
     """
     if name in _MACROS or name.startswith("__") or (name.isupper() and len(name) > 1):
-        refuse(path, node, f"the local {name}, a name that C's headers may take,",
+        refuse(text, node, f"the local {name}, a name that C's headers may take,",
                "choose another name, in lower case")

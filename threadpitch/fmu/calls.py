@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Sequence
-from pathlib import Path
 
 from threadpitch.fmu.expressions import refuse
+from threadpitch.fmu.source_text import SourceText
 
 
-def check_calls(path: Path, functions: Sequence[ast.FunctionDef]) -> None:
+def check_calls(text: SourceText, functions: Sequence[ast.FunctionDef]) -> None:
     """Refuse functions and methods that call themselves, directly or through others.
 
     Raises:
@@ -25,7 +25,7 @@ def check_calls(path: Path, functions: Sequence[ast.FunctionDef]) -> None:
                 reached.add(name)
                 waiting |= called.get(name, set())
         if node.name in reached:
-            refuse(path, node, f"{node.name}, which calls itself" + ("" if node.name in called[node.name] else
+            refuse(text, node, f"{node.name}, which calls itself" + ("" if node.name in called[node.name] else
                                                                      " through others") + ",", "write a loop")
 
 

@@ -72,7 +72,7 @@ def reference(model: Model) -> Reference:
                     break
         inputs = rows[:len(run.found)]
     except EffortError as error:
-        run.refusal = f"no end after {MOST_LINES} lines, {model.path}:{error.line}; mend the loop there"
+        run.refusal = f"no end after {MOST_LINES} lines, {model.text.place(error.line)}; mend the loop there"
         inputs = rows[:max(len(run.found) - 1, 0)]
     if run.refusal is not None and len(run.found) < 2:
         doing = "the first step" if run.found else "the initialization"
@@ -132,7 +132,7 @@ class _Run:
         except (ArithmeticError, ValueError, IndexError) as error:
             lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__)
                      if frame.filename == str(self.model.path)]
-            return f"{type(error).__name__}: {error}, {self.model.path}:{lines[-1] if lines else 1}"
+            return f"{type(error).__name__}: {error}, {self.model.text.place(lines[-1] or 1 if lines else 1)}"
         if number != 0:
             return self.model.errors.get(number, f"the model returns {number}, which ERRORS does not declare")
         return self._too_large()

@@ -30,12 +30,12 @@ def check_function(names: Names, node: ast.FunctionDef, writable: frozenset[str]
     signature = names.methods[node.name] if method else names.functions[node.name]
     arguments = [argument.arg for argument in (node.args.args[1:] if method else node.args.args)]
     for argument in node.args.args:
-        check_local(names.path, argument, argument.arg)
+        check_local(names.text, argument, argument.arg)
     body = node.body[1:] if ast.get_docstring(node) is not None else node.body
     checker = _Checker(names, dict(zip(arguments, signature.arguments, strict=True)), signature.result, writable)
     ended = checker.block(body)
     if signature.result != "none" and not ended:
-        refuse(names.path, node, f"{node.name}, which can end without a value,", "end it with a return")
+        refuse(names.text, node, f"{node.name}, which can end without a value,", "end it with a return")
 
 
 class _Checker:
@@ -50,7 +50,7 @@ class _Checker:
         self.loop_names: list[str] = []
 
     def refuse(self, node: ast.AST, construct: str, mend: str) -> NoReturn:
-        refuse(self.names.path, node, construct, mend)
+        refuse(self.names.text, node, construct, mend)
 
     def block(self, body: list[ast.stmt]) -> bool:
         """Check the statements in order; whether every way through them ends in return, break or continue."""
@@ -156,7 +156,7 @@ class _Checker:
         name = target.id
         if name == "self" or name in self.names.constants or name in self.names.functions:
             self.refuse(target, f"the local {name}, which hides another {name},", "choose another name")
-        check_local(self.names.path, target, name)
+        check_local(self.names.text, target, name)
         if name in self.loop_names:
             self.refuse(target, f"an assignment to the loop variable {name}", "use another local")
         if self.types.get(name, kind) != kind:
