@@ -12,6 +12,7 @@ from fmpy import read_model_description
 from fmpy.ssp.ssd import read_ssd, read_ssv
 from fmpy.validation import validate_fmu
 
+from tests.fmu.own import write_model
 from tests.plain_system import read_plan
 from threadpitch import cosim, lathe
 from threadpitch.cli import invoke
@@ -47,6 +48,15 @@ def lathe_class(path: Path) -> str:
 def test_a_named_model_is_built_alone(tmp_path: Path) -> None:
     assert invoke(["build", str(lathe.model_file("PitchCalculator")), "--output", str(tmp_path)]) == 0
     assert [path.name for path in tmp_path.iterdir()] == ["PitchCalculator.fmu"]
+
+
+def test_two_models_of_one_name_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = write_model(tmp_path / "a.py", "self.n = 1"), write_model(tmp_path / "b.py", "self.n = 2")
+    assert invoke(["build", str(first), str(second), "--output", str(tmp_path / "fmus")]) == 2
+    assert (f"{second}: the model Probe is in {first} too, and both would be written to Probe.fmu; rename one"
+            in capsys.readouterr().err)
+    assert not (tmp_path / "fmus").exists()
+    assert invoke(["build", str(first), str(first), "--output", str(tmp_path / "fmus")]) == 0
 
 
 def test_fmpy_finds_no_fault_in_any_fmu(built: Path) -> None:

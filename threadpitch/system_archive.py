@@ -20,7 +20,7 @@ from threadpitch.cosim.document import Element, parse_document
 from threadpitch.cosim.ssp import FMU_TYPE, SSC, SSD, SSV
 from threadpitch.cosim.ssp.schema import inside
 from threadpitch.cosim.system import Value
-from threadpitch.fmu import build_fmu
+from threadpitch.fmu import BuildError, build_fmu, read_model
 from threadpitch.fmu.archive import write_archive
 from threadpitch.lathe import find_system, locate_fmu
 
@@ -43,8 +43,17 @@ def build_models(models: Iterable[Path], folder: Path, kind: FmuKind) -> list[Pa
     """Build the FMU of every model file into the folder.
 
     Raises:
+        BuildError: two models have one name, and so would their FMUs.
         ModelError, BuildError, OSError: as ``build_fmu``.
     """
+    models = list(dict.fromkeys(models))
+    named: dict[str, Path] = {}
+    for path in models:
+        name = read_model(path).class_name
+        if name.lower() in named:
+            raise BuildError(f"{path}: the model {name} is in {named[name.lower()]} too, and both would be written to "
+                             f"{name}.fmu; rename one, or build them into different folders")
+        named[name.lower()] = path
     return [build_fmu(model, folder, kind.flavor, fmi=kind.fmi, platforms=kind.platforms) for model in models]
 
 

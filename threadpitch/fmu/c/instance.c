@@ -83,6 +83,7 @@ static void begin_life(Instance *instance)
     instance->life.phase = INSTANTIATED;
     instance->life.stale = true;
     instance->life.ticking = false;
+    instance->life.refused = false;
     instance->life.start = 0.0;
     instance->life.time = 0.0;
     instance->life.stop = INFINITY;

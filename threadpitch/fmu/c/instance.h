@@ -49,6 +49,7 @@ typedef struct {
     Phase phase;
     bool stale;    /* something was set since `initialize` was evaluated */
     bool ticking;  /* the clocks show what the last step counted */
+    bool refused;  /* the last step was: the same one would be again */
     double start;  /* s */
     double time;   /* s, the last communication point */
     double stop;   /* s, INFINITY where it is not defined */
