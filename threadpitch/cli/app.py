@@ -19,13 +19,15 @@ from threadpitch.cli.options import SEVERAL
 from threadpitch.cli.printing import complain, printing
 from threadpitch.cli.run import INTERRUPTED, run
 from threadpitch.fmu import BuildError, ModelError
+from threadpitch.judgement import JudgementError
 from threadpitch.parameters import ParameterFileError
 from threadpitch.pitch import PitchError
+from threadpitch.tolerance import ToleranceError
 from threadpitch.trace import TraceError
 from threadpitch.units import UnitError
 
-_KNOWN_ERRORS = (cosim.CosimError, lathe.LatheError, BuildError, ModelError, ParameterFileError, PitchError, TraceError,
-                 UnitError, OSError)
+_KNOWN_ERRORS = (cosim.CosimError, lathe.LatheError, BuildError, JudgementError, ModelError, ParameterFileError,
+                 PitchError, ToleranceError, TraceError, UnitError, OSError)
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
                   context_settings={"help_option_names": ["-h", "--help"]},
