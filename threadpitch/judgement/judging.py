@@ -23,6 +23,7 @@ MOST_TURNS = 1000  # of one judgement; the shapes of more are too many to try
 MOST_OFFSETS = 40  # ways to lay tables of different lengths over one another
 NEAR_OFFSETS = 8.0  # cost by which another place may fit worse and still be the right one
 SHIFTS = (-2, -1, 1, 2)  # turns by which tables of one length may be out of step
+_SHIFT_WORTH = 0.5  # part of the squares of measured less nominal pitch that a shift must leave at most to be tried
 OUT_OF_STEP = 20.0  # cost that a shift saves where the tables are numbered differently
 
 
@@ -147,6 +148,8 @@ def _in_step(pair: Pair, row: _Row, uncertainty: FloatArray, question: _Question
             if other.turns.size < max(FEWEST_TURNS, pair.turns.size - abs(shift)):
                 continue
             same = _restricted(pair, other, shift)
+            if _misfit(other) > _SHIFT_WORTH * _misfit(same):
+                continue
             here = assess(same, question.target, question.screw_turns)
             there = assess(other, question.target, question.screw_turns)
             if min(there.costs.values()) < min(here.costs.values()) - OUT_OF_STEP:
@@ -160,6 +163,11 @@ def _restricted(pair: Pair, other: Pair, shift: int) -> Pair:
     """Those measured turns of a pair that a shifted pair has too."""
     kept = np.isin(pair.turns + shift, other.turns)
     return Pair(pair.turns[kept], pair.nominal[kept], pair.measured[kept], pair.uncertainty[kept], pair.offset)
+
+
+def _misfit(pair: Pair) -> float:
+    """Sum of the squares of measured less nominal pitch over the uncertainty."""
+    return float(np.sum(((pair.measured - pair.nominal) / pair.uncertainty) ** 2))
 
 
 def _by_fluctuation(offered: list[Pair], question: _Question) -> Verdict:
