@@ -1,11 +1,11 @@
 """How often the judgement is right: threads with drawn parameters, faults, severities and noise, cause known.
 
-    python -m tests.benchmarks.bench_judgement [--threads N] [--development]
+    python -m tests.benchmarks.bench_judgement [--threads N] [--machines N] [--development]
 
-The threads come from closed formulae (``drawn_threads``), severities from 5 to 50 measuring uncertainties;
-a third as many have 1 to 5. Thresholds were set on the development seeds; what is printed by default comes from
-held-out ones. The seed's sign rule and plain correlation judge the same threads; their thresholds are the best ones
-for the threads that they are then tried on, which flatters them.
+The threads come from closed formulae (``drawn_threads``), severities from 5 to 50 measuring uncertainties; a third as
+many have 1 to 5. More are cut by the simulated lathe (``simulated_threads``). Thresholds were set on the development
+seeds; what is printed by default comes from held-out ones. The seed's sign rule and plain correlation judge the same
+threads; their thresholds are the best ones for the threads that they are then tried on, which flatters them.
 
 "Wrong single cause": control or mechanical is named, and the other one, or neither, is the cause. "Half": one of two
 causes is named.
@@ -26,6 +26,7 @@ from rich.table import Table
 
 import threadpitch as tp
 from tests.benchmarks.drawn_threads import Thread, drawn
+from tests.benchmarks.simulated_threads import threads
 
 CAUSES = ("control", "mechanical", "both", "none")
 VERDICTS = (*CAUSES, "undetermined")
@@ -118,6 +119,7 @@ def main() -> None:
     """Judge the threads and print how it went."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--threads", type=int, default=1500, help="threads whose fault is clear")
+    parser.add_argument("--machines", type=int, default=10, help="machines on which each fault is simulated")
     parser.add_argument("--development", action="store_true", help="the seeds on which the thresholds were set")
     options = parser.parse_args()
     first = DEVELOPMENT if options.development else HELD_OUT
@@ -128,6 +130,8 @@ def main() -> None:
                                           ("fault 1 to 5 times the uncertainty", FAINT, options.threads // 3)):
             seeds = ((first + seed, *severities) for seed in range(number))
             show(console, title, pool.map(try_seed, seeds, chunksize=25))
+    if options.machines > 0:
+        show(console, "cut by the simulated lathe", [try_thread(one) for one in threads(first, options.machines)])
     console.print(f"{'development' if options.development else 'held-out'} seeds, {perf_counter() - begin:.0f} s")
 
 
