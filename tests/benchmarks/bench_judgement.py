@@ -130,8 +130,9 @@ def main() -> None:
                                           ("fault 1 to 5 times the uncertainty", FAINT, options.threads // 3)):
             seeds = ((first + seed, *severities) for seed in range(number))
             show(console, title, pool.map(try_seed, seeds, chunksize=25))
-    if options.machines > 0:
-        show(console, "cut by the simulated lathe", [try_thread(one) for one in threads(first, options.machines)])
+        if options.machines > 0:
+            cut = threads(first, options.machines)
+            show(console, "cut by the simulated lathe", pool.map(try_thread, cut, chunksize=5))
     console.print(f"{'development' if options.development else 'held-out'} seeds, {perf_counter() - begin:.0f} s")
 
 

@@ -32,6 +32,7 @@ START_ANGLES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
 PRESENT, ABSENT = 5.0, 1.0  # uncertainties from which a cause counts, and up to which it does not
 FINEST = 0.3e-6  # m: least uncertainty of a measured pitch
 FEWEST_TURNS = 8
+MEASUREMENTS = 4  # of each thread, each with an uncertainty and noise of its own
 
 
 @dataclass(frozen=True)
@@ -133,12 +134,13 @@ def measured(cut: Cut, seed: int, severity: float) -> Thread | None:
 
 
 def threads(first_seed: int, machines: int) -> Iterator[Thread]:
-    """Every fault on so many machines, at every start angle, with severities from 5 to 50."""
+    """Every fault on so many machines, at every start angle, measured some times with severities from 5 to 50."""
     for number, fault in enumerate(faults()):
         for machine in range(machines):
             seed = first_seed + 1000 * number + machine
             for row, cut in enumerate(cuts(fault, seed)):
-                severity = math.exp(np.random.default_rng([seed, row]).uniform(math.log(5.0), math.log(50.0)))
-                found = measured(cut, seed * 8 + row, severity)
-                if found is not None:
-                    yield found
+                draw = np.random.default_rng([seed, row])
+                for severity in np.exp(draw.uniform(math.log(5.0), math.log(50.0), MEASUREMENTS)).tolist():
+                    found = measured(cut, int(draw.integers(1 << 32)), severity)
+                    if found is not None:
+                        yield found

@@ -60,8 +60,9 @@ def test_both_are_both_with_their_shares(seed: int) -> None:
     verdict = judged(TARGET + DIP, TARGET + DIP + WAVE + noise(seed))
     assert verdict.cause == "both"
     assert verdict.evidence.rest[0].kind == "once per screw turn"
-    whole = float(np.sum((DIP + WAVE) ** 2))
-    assert verdict.evidence.control_share == pytest.approx(1.0 - float(np.sum(WAVE**2)) / whole, abs=0.1)
+    seen, unseen = float(DIP @ DIP), float(WAVE @ WAVE)
+    assert verdict.evidence.control_share == pytest.approx(seen / (seen + unseen), abs=0.05)
+    assert verdict.evidence.rest_share == 1.0 - verdict.evidence.control_share
 
 
 def test_noise_alone_is_none() -> None:

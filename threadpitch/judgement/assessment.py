@@ -13,7 +13,6 @@ from threadpitch.judgement.hypotheses import (
     BOTH,
     CONTROL,
     MECHANICAL,
-    NONE,
     UNDETERMINED,
     Fluctuations,
     Hypothesis,
@@ -99,15 +98,13 @@ def _hypothesis(found: Assessment, cause: str) -> Hypothesis:
 
 
 def _share(data: Fluctuations, chosen: Hypothesis) -> float:
-    """1 - |y - g x|^2 / |y|^2, the noise taken off both; 0 where the control has no part."""
-    if chosen.cause in (NONE, MECHANICAL):
-        return 0.0
-    noise = float(np.sum(data.uncertainty**2))
-    whole = float(np.sum(data.measured**2))
-    left = float(np.sum((data.measured - chosen.gain * chosen.seen) ** 2))
-    if chosen.cause == CONTROL:
-        return 1.0
-    return float(np.clip(1.0 - max(left - noise, 0.0) / max(whole - noise, 1e-30), 0.0, 1.0))
+    """|g x|^2 / (|g x|^2 + |y - g x|^2), the noise taken off the rest; 0 or 1 where one of them has no part."""
+    if chosen.cause != BOTH:
+        return 1.0 if chosen.cause == CONTROL else 0.0
+    control = float(np.sum((chosen.gain * chosen.seen) ** 2))
+    noise = float(np.sum(chosen.scale**2))
+    rest = max(float(np.sum((data.measured - chosen.gain * chosen.seen) ** 2)) - noise, 0.0)
+    return control / max(control + rest, 1e-30)
 
 
 def _parts(chosen: Hypothesis, data: Fluctuations, candidates: Dictionary) -> list[Part]:

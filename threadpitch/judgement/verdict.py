@@ -55,7 +55,7 @@ class Evidence:
     correlation_interval: tuple[float, float] | None
     permutation_p: float | None  # chance of such a correlation among series of the same spectrum
     sign_agreement: float | None  # share of turns on the same side of the target in both tables
-    control_share: float  # of the measured fluctuation's square, less that of the noise, that goes with the nominal
+    control_share: float  # square of the control's part over the squares of both parts, the noise taken off
     nominal_jitter: float  # m, standard deviation of nominal pitches that is not in the thread
     rest: tuple[Part, ...]  # what the control does not explain
     irregular: float  # root mean square of the rest beside its parts, where it exceeds the uncertainty; 0 = noise

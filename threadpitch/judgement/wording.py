@@ -42,8 +42,8 @@ def sentence(cause: str, found: Evidence) -> str:
     if cause == MECHANICAL:
         return f"Mechanical: the fluctuation of {size} is not in the nominal pitches; it is {_rest(found)}."
     if cause == BOTH:
-        return (f"Both: {100.0 * found.control_share:.0f} % of the fluctuation of {size} follows the nominal "
-                f"pitches{_gain(found)}; the rest is {_rest(found)}.")
+        return (f"Both: {100.0 * found.control_share:.0f} % of the fluctuation of {size} is the nominal pitches'"
+                f"{_gain(found)}; the rest is {_rest(found)}.")
     near = sorted(found.costs, key=lambda one: found.costs[one])[:2]
     return (f"Undetermined: a fluctuation of {size} at a measuring uncertainty of {_um(found.uncertainty)} um "
             f"and {found.turns} turns does not tell {' from '.join(near)}.")
