@@ -192,6 +192,7 @@ def test_what_cannot_be_judged_is_refused_in_one_line() -> None:
         (1e3 * QUIET, 1e5 * QUIET, {"uncertainty": U}, "give pitches in m"),
         (np.stack([QUIET, QUIET]), np.stack([QUIET] * 3), {"uncertainty": U}, "3 rows of measured"),
         (QUIET, np.full(40, np.nan), {"uncertainty": U}, "no turn is in both"),
+        (np.full(401, TARGET), np.full(401, TARGET), {"uncertainty": U}, "give at most 400 of them at once"),
     ]
     for nominal, measured, options, text in cases:
         with pytest.raises(JudgementError, match=text) as caught:

@@ -19,7 +19,7 @@ from threadpitch.pitch import PitchTable
 from threadpitch.trace import FloatArray
 
 FEWEST_TURNS = 6
-MOST_TURNS = 1000  # of one judgement; the shapes of more are too many to try
+MOST_TURNS = 400  # of one judgement; the shapes of more are too many to try
 MOST_OFFSETS = 40  # ways to lay tables of different lengths over one another
 NEAR_OFFSETS = 8.0  # cost by which another place may fit worse and still be the right one
 SHIFTS = (-2, -1, 1, 2)  # turns by which tables of one length may be out of step
@@ -130,7 +130,10 @@ def _judge_row(row: _Row, question: _Question) -> Verdict:
     if not (np.isfinite(uncertainty) & (uncertainty > 0.0)).all():
         raise JudgementError("an uncertainty of the measured pitches is not positive; give standard uncertainties in m")
     offered = pairs(row.nominal, measured, uncertainty, row.places)
-    if max(one.turns.size for one in offered) < FEWEST_TURNS:
+    most = max(one.turns.size for one in offered)
+    if most > MOST_TURNS:
+        raise JudgementError(f"{most} turns are in both tables; give at most {MOST_TURNS} of them at once")
+    if most < FEWEST_TURNS:
         return _too_few(max(offered, key=lambda one: one.turns.size), question)
     if len(offered) == 1:
         return _in_step(offered[0], row, uncertainty, question)

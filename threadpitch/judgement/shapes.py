@@ -56,7 +56,7 @@ class _Candidate:
     decay: float = math.nan
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=8)
 def dictionary(turns: tuple[float, ...], screw_turns: float | None = None) -> Dictionary:
     """The candidates for these turns; ``screw_turns`` are the turns of the ball screw per turn of the spindle."""
     place = np.array(turns, dtype=np.float64)
