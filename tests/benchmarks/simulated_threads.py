@@ -4,8 +4,10 @@ The faults are those of the library ``models/faults`` (one TOML file each: cause
 without others; where there is no library, a few of the drives alone. Speed and position gain are drawn, each run is
 seen at four start angles. The measuring uncertainty is drawn so that the fault has the severity that is asked for.
 
-The label is the fault's. A thread is left out where the other cause is there as well, but too small to count: where
-what the fault does beside its cause lies between 1 and 5 measuring uncertainties; above that it is both.
+The label is what the run itself shows: control where the nominal pitches deviate by at least 5 uncertainties,
+mechanical where the actual ones deviate as much from the nominal ones, both, or none where neither exceeds one. A
+thread is left out where one of the two lies between 1 and 5, where a fault leaves nothing, or where the severity would
+need an uncertainty below FINEST: ``offered`` counts all, so that the benchmark can tell how many those are.
 """
 
 from __future__ import annotations
@@ -131,6 +133,11 @@ def measured(cut: Cut, seed: int, severity: float) -> Thread | None:
     machine = Machine(cut.nominal.size, TARGET, SCREW_LEAD, math.nan, math.nan)
     shown = cut.actual + measuring_noise(cut.actual.size, draw) * uncertainty
     return Thread(cut.fault.name, cause, machine, cut.nominal, shown, uncertainty, severity if causes else 0.0)
+
+
+def offered(machines: int) -> int:
+    """Threads before any is left out."""
+    return len(faults()) * machines * len(START_ANGLES) * MEASUREMENTS
 
 
 def threads(first_seed: int, machines: int) -> Iterator[Thread]:
