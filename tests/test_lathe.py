@@ -162,6 +162,7 @@ class Recorded(dict[str, NDArray[np.generic]]):
         self.time = np.arange(float(rows))
         self.steps = rows - 1
         self.wall_time = 0.0
+        self.watched = None
         flat = dict.fromkeys((f"calculator.completed_pitch[{turn}]" for turn in range(1, 9)), np.zeros(rows))
         super().__init__({
             **flat,
@@ -239,4 +240,4 @@ def test_model_files_carry_the_names_of_their_classes() -> None:
     for path in lathe.model_files():
         name = "".join(word.capitalize() for word in path.stem.split("_"))
         assert lathe.model_file(name) == path
-        assert f"class {name}:" in path.read_text(encoding="utf-8")
+        assert f"\nclass {name}" in path.read_text(encoding="utf-8")

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,33 +19,20 @@ from threadpitch.cosim.master import Progress
 from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
 from threadpitch.fmu import available_compiler, cached_fmu
-from threadpitch.pitch import PitchTable, Statistics, statistics
+from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE, FloatArray, Pass, ToolPath, find_passes
+from threadpitch.pitch import PitchTable
+from threadpitch.replacement import replacements
 from threadpitch.units import from_si
 
 DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
 ACTUAL = "actual_pitch"
-CONTROLLER = "controller"
+Z_DRIVE, X_DRIVE = "z_drive", "x_drive"
 ANGLES = 8  # start angles of a PitchCalculator
-TURNS_A_STEP = 8  # turns of one start angle that it keeps per step
-
-FloatArray = NDArray[np.float64]
 
 
 class LatheError(ValueError):
     """The simulation cannot answer the question that was asked; the message tells why and how to mend it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Pass:
-    """One threading pass: the pitches of its whole turns, and which of them lie in the metal."""
-
-    number: int
-    start_number: int
-    table: PitchTable
-    effective: Statistics | None  # over the turns wholly in the metal; None where the system does not tell the face
-    deviation: FloatArray  # (start_angles, revolutions) m, P(n) - target
-    in_metal: NDArray[np.bool_]  # (start_angles, revolutions)
 
 
 class Simulation(Mapping[str, cosim.recording.Column]):
@@ -58,9 +44,20 @@ class Simulation(Mapping[str, cosim.recording.Column]):
     def __init__(self, result: cosim.Result, flavor: str) -> None:
         self.result = result
         self.flavor = flavor
-        self.time = result.time
         self.steps = result.steps
         self.wall_time = result.wall_time
+        self._turning = result if result.watched is None else result.watched  # rows in which turns end, or all
+
+    @property
+    def time(self) -> FloatArray:
+        """Communication points, (rows,) s."""
+        return self.result.time
+
+    @property
+    def simulated(self) -> float:
+        """The time that was computed, s."""
+        schedule = self.result.schedule
+        return round(schedule.time(self.steps) - schedule.start_time, 12)
 
     def __getitem__(self, name: str) -> cosim.recording.Column:
         return self.result[name]
@@ -78,7 +75,7 @@ class Simulation(Mapping[str, cosim.recording.Column]):
     def calculators(self) -> tuple[str, ...]:
         """The components that calculate pitches, by their variables; the nominal one first where there is one."""
         mark = ".completed_pitch[1]"
-        names = [name.removesuffix(mark) for name in self.result if name.endswith(mark)]
+        names = [name.removesuffix(mark) for name in self._turning if name.endswith(mark)]
         return tuple(sorted(names, key=lambda name: name != NOMINAL))
 
     @functools.cached_property
@@ -94,8 +91,22 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         """
         if calculator not in self.calculators:
             raise LatheError(f"component {calculator!r} calculates no pitches{nearest(calculator, self.calculators)}")
-        found = (self._pass(calculator, number, rows) for number, rows in enumerate(self._stretches(), start=1))
-        return tuple(one for one in found if one is not None)
+        return find_passes(self._turning, calculator, self._threading())
+
+    @property
+    def tool_path(self) -> ToolPath:
+        """Where the tool truly was, after the errors of both drives.
+
+        Raises:
+            LatheError: the system has no drive for one of the axes.
+        """
+        names = [f"{Z_DRIVE}.position", f"{X_DRIVE}.position", f"{CONTROLLER}.threading"]
+        missing = [name for name in names if name not in self.result]
+        if missing:
+            raise LatheError(f"the system has no {missing[0]}, so that there is no tool path; take one with the "
+                             f"components {Z_DRIVE}, {X_DRIVE} and {CONTROLLER}")
+        z, x, threading = (np.asarray(self.result[name]) for name in names)
+        return ToolPath(self.time, z.astype(np.float64), x.astype(np.float64), threading.astype(np.bool_))
 
     @property
     def pitch_table(self) -> PitchTable:
@@ -113,11 +124,11 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         if not self.calculators:
             return "no component of this system calculates pitches; add a PitchCalculator to it"
         threading = self._threading()
-        stop = float(self.time[-1])
+        stop = self.result.schedule.time(self.steps)
         if not threading.any():
             mend = self._why_not_at_speed() or "choose a longer stop time"
             return f"no threading until the stop at {stop:g} s; {mend}"
-        began = float(self.time[int(np.argmax(threading))])
+        began = float(self._turning.time[int(np.argmax(threading))])
         return f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; choose a longer stop time"
 
     def _why_not_at_speed(self) -> str:
@@ -133,73 +144,25 @@ class Simulation(Mapping[str, cosim.recording.Column]):
 
     def _threading(self) -> NDArray[np.bool_]:
         """(rows,) whether the first calculator's input said threading."""
-        return np.asarray(self.result[f"{self.calculators[0]}.threading"], dtype=np.bool_)
-
-    def _stretches(self) -> list[slice]:
-        """Rows of every threading pass: from the first that is threading to the last before the next pass."""
-        threading = self._threading()
-        begins = np.flatnonzero(threading & ~np.concatenate(([False], threading[:-1])))
-        ends = np.append(begins, threading.size)[1:]
-        return [slice(int(begin), int(end)) for begin, end in zip(begins, ends, strict=True)]
-
-    def _pass(self, calculator: str, number: int, rows: slice) -> Pass | None:
-        count = int(self.result[f"{calculator}.start_angle_count"][0])
-        turns = [self._turns(calculator, angle, rows) for angle in range(count)]
-        longest = max(pitch.size for pitch, _ in turns)
-        if longest == 0:
-            return None
-        pitch = np.full((count, longest), np.nan)  # (start_angles, revolutions)
-        ends = np.full((count, longest), np.nan)
-        for row, (values, positions) in enumerate(turns):
-            pitch[row, :values.size], ends[row, :values.size] = values, positions
-        starts = [float(self.result[f"{calculator}.start_angle[{i + 1}]"][0]) for i in range(count)]
-        target = float(self.result[f"{calculator}.pitch_target"][0])
-        in_metal = self._in_metal(pitch, ends)
-        effective = None if in_metal is None else statistics(np.where(in_metal, pitch, np.nan))
-        return Pass(number, self._start_number(rows), PitchTable.of_pitches(pitch, starts), effective, pitch - target,
-                    np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal)
-
-    def _turns(self, calculator: str, angle: int, rows: slice) -> tuple[FloatArray, FloatArray]:
-        """(P(n), xi at the end of turn n) of one start angle: several turns may end in one step."""
-        completed = self.result[f"{calculator}.completed[{angle + 1}]"][rows]
-        position = self.result[f"{calculator}.crossing_position[{angle + 1}]"][rows]
-        direction = self.result[f"{calculator}.direction"][rows]
-        pitches: list[float] = []
-        ends: list[float] = []
-        for row in np.flatnonzero(completed):
-            kept = [float(self.result[f"{calculator}.completed_pitch[{TURNS_A_STEP * angle + turn + 1}]"][rows][row])
-                    for turn in range(int(completed[row]))]
-            after = np.cumsum(kept[::-1])[::-1] - np.array(kept)  # movement of this step's later turns
-            ends += (position[row] - direction[row] * after).tolist()
-            pitches += kept
-        return np.array(pitches), np.array(ends)
-
-    def _in_metal(self, pitch: FloatArray, ends: FloatArray) -> NDArray[np.bool_] | None:
-        """Turns that begin behind the workpiece's face; they end before z_end because threading does."""
-        names = [f"{CONTROLLER}.{name}" for name in ("z_face", "z_start", "z_end")]
-        if not all(name in self.result for name in names):
-            return None
-        face, start, end = (float(self.result[name][0]) for name in names)
-        sense = 1.0 if end > start else -1.0
-        begins = ends - sense * pitch
-        with np.errstate(invalid="ignore"):
-            return np.asarray(sense * (begins - face) >= 0.0)
-
-    def _start_number(self, rows: slice) -> int:
-        name = f"{CONTROLLER}.start_number"
-        return int(self.result[name][rows][0]) if name in self.result else 1
+        return np.asarray(self._turning[f"{self.calculators[0]}.threading"], dtype=np.bool_)
 
 
 def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Given] | None = None,
              start_angles: Sequence[float] | None = None, stop_time: float | None = None,
              step_size: float | None = None, flavor: str | None = None,
-             progress: Progress | None = None) -> Simulation:
+             replace: Mapping[str, str | Path] | None = None, record: Iterable[str] | None = None,
+             record_every: int = 1, record_on: Iterable[str] = (), results: str | Path | None = None,
+             checkpoint: str | Path | None = None, checkpoint_every: float = 60.0,
+             isolate: bool | Iterable[str] = False, progress: Progress | None = None) -> Simulation:
     """Simulate a lathe: a folder with SystemStructure.ssd, an .ssd or an .ssp, or a shipped one such as the default.
 
     ``parameters`` maps ``component.variable`` to a number (SI), a truth value or a text with a unit ("10mm").
     ``start_angles`` (start_angles,) rad, up to 8, go to every pitch calculator. Times are seconds; what is None comes
     from the system. FMUs that the system names and that do not lie beside it are built from ``fmu_src``,
-    in the flavor "native" or "python"; None takes native FMUs where a C compiler is found.
+    in the flavor "native" or "python"; None takes native FMUs where a C compiler is found. ``replace`` names by
+    component another .fmu, or a model file (.py), which is built. What is recorded (default:
+    all outputs and what the passes are found by), where it goes, checkpoints and isolation are those of
+    ``cosim.simulate``; the passes are found whatever is recorded.
 
     Raises:
         LatheError: too many start angles.
@@ -207,23 +170,54 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         fmu.BuildError: an FMU cannot be built in this flavor.
     """
     flavor = choose_flavor(flavor)
-    with cosim.read_system(find_system(system), locate=functools.partial(locate_fmu, flavor)) as structure:
+    chosen_fmus = replacements(replace or {}, flavor)
+    with cosim.read_system(find_system(system), locate=functools.partial(locate_fmu, flavor),
+                           replace=chosen_fmus) as structure:
         with cosim.prepare(structure) as plan:
             calculators = [name for name, description in plan.descriptions.items()
                            if "completed_pitch[1]" in description.variables]
             controllers = [name for name, description in plan.descriptions.items()
-                           if "z_face" in description.variables]
+                           if {"z_face", "start_number"} <= description.variables.keys()]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
         if f"{CONTROLLER}.lead" in chosen:  # another lead is another target, where none is given
             chosen = {f"{name}.pitch_target": chosen[f"{CONTROLLER}.lead"] for name in calculators} | chosen
-        record = ["outputs"]
-        for name in calculators:
-            record += [f"{name}.{variable}" for variable in ("threading", "direction", "pitch_target", "start_angle*")]
-        for name in controllers:
-            record += [f"{name}.{variable}" for variable in ("z_face", "z_start", "z_end")]
-        result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=record,
-                                progress=progress)
+        watch = _watch(calculators, controllers)
+        wanted = ("outputs", *watch.record, *watch.on) if record is None else record
+        result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
+                                record_every=record_every, record_on=record_on, watch=watch, results=results,
+                                checkpoint=checkpoint, checkpoint_every=checkpoint_every, isolate=isolate,
+                                progress=progress, about={
+                                    "flavor": flavor, "replace": {name: str(path.absolute()) for name, path
+                                                                  in chosen_fmus.items()}})
     return Simulation(result, flavor)
+
+
+def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: Progress | None = None) -> Simulation:
+    """Go on with a simulation from the checkpoint that it wrote, to the same bits as if it had never ended.
+
+    ``stop_time`` may be later than that of the simulation.
+
+    Raises:
+        cosim.CosimError: the file is no checkpoint, the system or its FMUs have changed, or a component fails.
+    """
+    metadata = cosim.read_checkpoint(checkpoint).metadata
+    flavor = choose_flavor(metadata["about"].get("flavor"))
+    with cosim.read_system(metadata["system"] or "", locate=functools.partial(locate_fmu, flavor),
+                           replace=metadata["about"].get("replace")) as structure:
+        result = cosim.resume(checkpoint, system=structure, stop_time=stop_time, progress=progress)
+    return Simulation(result, flavor)
+
+
+def _watch(calculators: Sequence[str], controllers: Sequence[str]) -> cosim.Watch:
+    """What tells of every turn: the calculators' results when a turn ends or threading begins or ends."""
+    record, on = [], []
+    for name in calculators:
+        record += [f"{name}.{variable}" for variable in ("direction", "pitch_target", "start_angle*", "completed*",
+                                                         "crossing_position*")]
+        on += [f"{name}.{variable}" for variable in ("threading", "completed[*", "revolution*")]
+    for name in controllers:
+        record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
+    return cosim.Watch(tuple(record), tuple(on))
 
 
 def choose_flavor(flavor: str | None = None) -> str:

@@ -11,7 +11,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from threadpitch.lathe import Pass, Simulation
+from threadpitch.lathe import Simulation
+from threadpitch.passes import Pass
 from threadpitch.tables import pass_text, pitch_record, start_angles_deg
 from threadpitch.units import from_si
 
@@ -26,7 +27,7 @@ def run_document(simulation: Simulation) -> dict[str, object]:
     return {
         "passes": [_pass_record(one) for one in simulation.passes],
         "steps": simulation.steps,
-        "simulated_s": round(float(simulation.time[-1] - simulation.time[0]), 12),
+        "simulated_s": simulation.simulated,
         "wall_s": simulation.wall_time,
         "flavor": simulation.flavor,
     }
@@ -55,7 +56,7 @@ def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
     """Write ``trace.csv``, ``pitch.csv``, ``tables.txt`` and ``result.json`` into a folder (made if need be).
 
     All are written aside first, so that the folder never holds half of a run; of a former run in the folder the
-    files of these names are replaced, others stay.
+    files of these names are replaced, others stay. There is no ``trace.csv`` of a run whose results went to a file.
 
     Raises:
         OSError: the folder cannot be written.
@@ -69,9 +70,13 @@ def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
         temporary = Path(tempfile.mkdtemp(prefix=_TEMPORARY, dir=place))
         try:
             _write_files(simulation, temporary)
+            written = [name for name in FILES if (temporary / name).exists()]
             if place is folder:
                 for name in FILES:
-                    os.replace(temporary / name, folder / name)
+                    if name in written:
+                        os.replace(temporary / name, folder / name)
+                    else:
+                        (folder / name).unlink(missing_ok=True)
             else:
                 temporary.chmod(0o755)  # mkdtemp makes folders that only their owner can enter
                 os.replace(temporary, folder)
@@ -79,7 +84,7 @@ def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
             shutil.rmtree(temporary, ignore_errors=True)
     except OSError as error:
         raise _unwritable(folder, error) from error
-    return [folder / name for name in FILES]
+    return [folder / name for name in written]
 
 
 def _unwritable(folder: Path, error: OSError) -> OSError:
@@ -87,7 +92,8 @@ def _unwritable(folder: Path, error: OSError) -> OSError:
 
 
 def _write_files(simulation: Simulation, folder: Path) -> None:
-    simulation.result.save(folder)
+    if simulation.result.path is None:
+        simulation.result.save(folder)
     _write_pitches(simulation, folder / "pitch.csv")
     text = "\n".join(pass_text(one) for one in simulation.passes)
     (folder / "tables.txt").write_text(text, encoding="utf-8")
@@ -95,13 +101,22 @@ def _write_files(simulation: Simulation, folder: Path) -> None:
 
 
 def _pass_record(one: Pass) -> dict[str, object]:
-    record: dict[str, object] = {"pass": one.number, "start_number": one.start_number, **pitch_record(one.table)}
+    record: dict[str, object] = {"pass": one.number, "start_number": one.start_number, **_told(one),
+                                 **pitch_record(one.table)}
     if one.effective is not None:
         for name, values in (("min", one.effective.minimum), ("max", one.effective.maximum),
                              ("mean", one.effective.mean)):
             record[f"effective_{name}_mm"] = [None if math.isnan(value) else from_si(float(value), "mm")
                                               for value in values]
     return record
+
+
+def _told(one: Pass) -> dict[str, object]:
+    """What the controller says of the pass; null where the system does not tell it."""
+    lengths = {"depth_mm": one.depth, "lead_mm": one.lead, "groove_pitch_mm": one.pitch}
+    told = {name: None if value is None else from_si(value, "mm") for name, value in lengths.items()}
+    angle = None if one.start_angle is None else from_si(one.start_angle, "deg")
+    return {"kind": one.kind, **told, "start_angle_deg": angle, "final_flank": one.final_flank}
 
 
 def _write_pitches(simulation: Simulation, path: Path) -> None:

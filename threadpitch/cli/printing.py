@@ -62,7 +62,12 @@ def fail(message: str) -> NoReturn:
     raise lathe.LatheError(message)
 
 
-def complain(message: str) -> int:
+def remark(message: str) -> None:
     """One line on standard error, without control characters that a file may have brought in."""
     print(f"threadpitch: {printable(' '.join(message.split()))}", file=sys.stderr)
+
+
+def complain(message: str) -> int:
+    """What is wrong, as a remark; the exit status that goes with it."""
+    remark(message)
     return BAD_INPUT

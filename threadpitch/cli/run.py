@@ -2,33 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 from rich.console import Console
 
 from threadpitch import cosim, lathe
-from threadpitch.cli.options import AsJson, Flavor, StartAngles, number, radians
-from threadpitch.cli.printing import complain, fail, print_json, printing, progress
+from threadpitch.cli.options import (
+    AsJson,
+    Assignments,
+    Flavor,
+    ParameterFiles,
+    Replacements,
+    StartAngles,
+    number,
+    radians,
+)
+from threadpitch.cli.printing import BAD_INPUT, complain, fail, print_json, printing, progress
 from threadpitch.cosim.values import Given
 from threadpitch.parameters import read_assignments, read_parameters
+from threadpitch.replacement import read_replacements
 from threadpitch.run_folder import check_folder, run_document, save_run
 from threadpitch.tables import show_pass
 
-INTERRUPTED = 130
 DEFAULT_OUTPUT = "threadpitch-run"
 
 
 def run(
     system: Annotated[str, typer.Argument(
         metavar="SYSTEM", help="Folder with SystemStructure.ssd, an .ssd or an .ssp.")] = lathe.DEFAULT_SYSTEM,
-    assignments: Annotated[list[str] | None, typer.Option(
-        "--set", metavar="NAME=VALUE ...", help="Set component.variable, several after one another: SI, or with a "
-                                                "unit such as 10mm, 300rpm, 45deg; choices by name.")] = None,
-    parameters: Annotated[list[Path] | None, typer.Option(
-        metavar="FILE", help="Parameter file: .ssv, .toml or .json; --set wins over it.")] = None,
+    assignments: Assignments = None,
+    parameters: ParameterFiles = None,
+    replace: Replacements = None,
     start_angle: StartAngles = None,
     stop_time: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="Stop time in s.", show_default="of the system")] = None,
@@ -37,6 +45,23 @@ def run(
     flavor: Flavor = None,
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trace.csv, pitch.csv, tables.txt and "
                                                              "result.json.")] = Path(DEFAULT_OUTPUT),
+    record: Annotated[list[str] | None, typer.Option(
+        metavar="NAME ...", help="What is recorded: outputs, inputs, locals, parameters, or component.variable with * "
+                                 "and ?.", show_default="outputs, and what tells of the turns")] = None,
+    record_every: Annotated[int, typer.Option(metavar="N", help="Record every N-th step.")] = 1,
+    record_on: Annotated[list[str] | None, typer.Option(
+        metavar="NAME ...", help="Record only where one of these variables changes.")] = None,
+    results: Annotated[Path | None, typer.Option(
+        metavar="FILE", help="Record into FILE.parquet (a folder), FILE.csv (both while running) or FILE.mat, instead "
+                             "of trace.csv.")] = None,
+    checkpoint: Annotated[Path | None, typer.Option(
+        metavar="FILE", help="Save the state of the run for `threadpitch resume FILE`, at the end and when it is "
+                             "interrupted too.")] = None,
+    checkpoint_every: Annotated[float, typer.Option(metavar="S", parser=number, help="Time between two saves in s.")]
+    = 60.0,
+    isolate: Annotated[list[str] | None, typer.Option(
+        metavar="NAME ...", help="Components in processes of their own, whose crash ends the run in order; all for "
+                                 "all.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a lathe that cuts a thread, and print the movement per revolution."""
@@ -46,12 +71,18 @@ def run(
         values |= read_parameters(file)
     values |= read_assignments(assignments or [])
     angles = None if start_angle is None else radians(start_angle)
-    try:
-        with progress("simulating") as told:
-            simulation = lathe.simulate(system, parameters=values, start_angles=angles, stop_time=stop_time,
-                                        step_size=step_size, flavor=flavor, progress=told)
-    except cosim.SimulationInterrupted as interrupt:
-        _keep(interrupt, output, lathe.choose_flavor(flavor))
+    with keeping(output, lathe.choose_flavor(flavor)), progress("simulating") as told:
+        simulation = lathe.simulate(
+            system, parameters=values, start_angles=angles, stop_time=stop_time, step_size=step_size, flavor=flavor,
+            record=record, record_every=record_every, record_on=record_on or (), results=results,
+            checkpoint=checkpoint, checkpoint_every=checkpoint_every,
+            replace={**read_replacements(replace or [])},
+            isolate=isolate == ["all"] or isolate or False, progress=told)
+    finish(simulation, output, as_json)
+
+
+def finish(simulation: lathe.Simulation, output: Path, as_json: bool) -> None:
+    """Save a simulation that came to its end, and print what it found."""
     if simulation.calculators and not simulation.passes:
         fail(simulation.why_no_turn())
     saved = save_run(simulation, output)
@@ -71,15 +102,22 @@ def _show(simulation: lathe.Simulation, saved: Sequence[Path]) -> None:
         console.print()
     if not simulation.calculators:
         console.print(simulation.why_no_turn())
-    simulated = float(simulation.time[-1] - simulation.time[0])
-    print(f"{simulation.steps} steps, {simulated:g} s simulated in {simulation.wall_time:.2f} s with "
-          f"{simulation.flavor} FMUs\nsaved in {saved[0].parent}: {', '.join(path.name for path in saved)}")
+    result = simulation.result
+    elsewhere = "" if result.path is None else f", results in {result.path}"
+    print(f"{simulation.steps} steps, {simulation.simulated:g} s simulated in {simulation.wall_time:.2f} s with "
+          f"{simulation.flavor} FMUs\nsaved in {saved[0].parent}: {', '.join(path.name for path in saved)}{elsewhere}")
 
 
-def _keep(interrupt: cosim.SimulationInterrupted, output: Path, flavor: str) -> NoReturn:
-    """What was recorded before Ctrl-C is saved."""
-    kept = ""
-    if interrupt.result is not None:
-        kept = f"; what was recorded is in {save_run(lathe.Simulation(interrupt.result, flavor), output)[0].parent}"
-    complain(f"{interrupt}{kept}")
-    raise typer.Exit(INTERRUPTED)
+@contextlib.contextmanager
+def keeping(output: Path, flavor: str) -> Iterator[None]:
+    """While a simulation runs: what was recorded before it is ended or fails is saved."""
+    try:
+        yield
+    except (cosim.SimulationInterrupted, cosim.StepError) as error:
+        kept = ""
+        # A run that fails before its first step leaves the former one.
+        if error.result is not None and (error.result.steps or isinstance(error, cosim.SimulationInterrupted)):
+            folder = save_run(lathe.Simulation(error.result, flavor), output)[0].parent
+            kept = f"; what was recorded is in {error.result.path or folder}"
+        complain(f"{error}{kept}")
+        raise typer.Exit(128 + error.signal if isinstance(error, cosim.SimulationInterrupted) else BAD_INPUT) from None

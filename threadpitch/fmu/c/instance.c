@@ -35,6 +35,7 @@ static void add_cells(Instance *instance, const Variable *variable)
         Cell *cell = &instance->cells[instance->cell_count++];
         cell->variable = variable;
         cell->element = element;
+        cell->kind = variable->kind;
         cell->value = values + element * kind_size(variable->kind);
         if (variable->kind == REAL && variable->causality == INPUT) {
             instance->inputs[instance->input_count++] = cell;

@@ -41,6 +41,7 @@ typedef struct {
     const Variable *variable;
     size_t element;
     void *value; /* double, int64_t or bool */
+    Kind kind;   /* of the variable, here for the loops over many values */
 } Cell;
 
 /* Where the instance is in its life; with the values of the model the whole FMU state. */
