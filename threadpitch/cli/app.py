@@ -27,15 +27,18 @@ from threadpitch.cli.run import run
 from threadpitch.cosim.interrupt import Terminated, end_in_order
 from threadpitch.cycles import CycleError
 from threadpitch.fmu import BuildError, ModelError
+from threadpitch.judgement import JudgementError
 from threadpitch.parameters import ParameterFileError
 from threadpitch.pitch import PitchError
 from threadpitch.program_parameters import OperationError
 from threadpitch.report.figure import PlotError
+from threadpitch.tolerance import ToleranceError
 from threadpitch.trace import TraceError
 from threadpitch.units import UnitError
 
-_KNOWN_ERRORS = (ApproachError, cosim.CosimError, lathe.LatheError, BuildError, CycleError, ModelError,
-                 OperationError, ParameterFileError, PitchError, PlotError, TraceError, UnitError, OSError)
+_KNOWN_ERRORS = (ApproachError, cosim.CosimError, lathe.LatheError, BuildError, CycleError, JudgementError, ModelError,
+                 OperationError, ParameterFileError, PitchError, PlotError, ToleranceError, TraceError, UnitError,
+                 OSError)
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
                   context_settings={"help_option_names": ["-h", "--help"]},
