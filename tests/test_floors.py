@@ -12,7 +12,7 @@ FLOORS = (
     {"units", "compiled"},
     {"trace", "cycles", "fmu"},
     {"pitch", "cosim"},
-    {"judgement", "tolerance", "lathe", "store", "parameters"},
+    {"judgement", "tolerance", "lathe", "store", "parameters", "program_parameters"},
     {"tables", "publish", "study", "system_archive"},
     {"report", "run_folder"},
     {"serve"},
@@ -35,10 +35,17 @@ def imports(path: Path) -> set[str]:
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
             assert node.module is not None
-            found |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+            if node.level == 0:
+                found |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+            else:
+                assert is_import_of_a_part(path, node), f"{path}: relative import"
     return found
+
+
+def is_import_of_a_part(path: Path, node: ast.ImportFrom) -> bool:
+    """``from ._part import name`` of a file beside a model: it becomes one text with the model."""
+    return path.parent == ROOT / "fmu_src" and node.level == 1 and f"{node.module}".startswith("_")
 
 
 def part(path: Path) -> str:

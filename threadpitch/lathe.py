@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from threadpitch import cosim
 from threadpitch.cosim.master import Progress
 from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
+from threadpitch.cycles.moves import Kind
 from threadpitch.fmu import available_compiler, cached_fmu
 from threadpitch.pitch import PitchTable, Statistics, statistics
 from threadpitch.units import from_si
@@ -27,7 +28,10 @@ DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
 ACTUAL = "actual_pitch"
 CONTROLLER = "controller"
+Z_DRIVE, X_DRIVE = "z_drive", "x_drive"
+KINDS: tuple[Kind, ...] = ("rough", "finish", "spring")  # by the controller's pass_kind
 ANGLES = 8  # start angles of a PitchCalculator
+_WORKPIECE = ("z_face", "z_start", "z_end")
 TURNS_A_STEP = 8  # turns of one start angle that it keeps per step
 
 FloatArray = NDArray[np.float64]
@@ -39,7 +43,11 @@ class LatheError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """One threading pass: the pitches of its whole turns, and which of them lie in the metal."""
+    """One threading pass: the pitches of its whole turns, and which of them lie in the metal.
+
+    What a system does not tell is None. The lead is the movement per turn, pitch = lead / starts the distance from
+    groove to groove; P(n) measures the lead.
+    """
 
     number: int
     start_number: int
@@ -47,6 +55,22 @@ class Pass:
     effective: Statistics | None  # over the turns wholly in the metal; None where the system does not tell the face
     deviation: FloatArray  # (start_angles, revolutions) m, P(n) - target
     in_metal: NDArray[np.bool_]  # (start_angles, revolutions)
+    kind: Kind | None = None
+    depth: float | None = None  # m, radius
+    start_angle: float | None = None  # rad from the one-turn pulse
+    lead: float | None = None  # m
+    pitch: float | None = None  # m, lead / starts
+    final_flank: bool = False  # of its start, the last pass that takes metal
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPath:
+    """True positions of the tool, x as radius; m."""
+
+    time: FloatArray  # (rows,) s
+    z: FloatArray  # (rows,)
+    x: FloatArray  # (rows,)
+    threading: NDArray[np.bool_]  # (rows,)
 
 
 class Simulation(Mapping[str, cosim.recording.Column]):
@@ -95,7 +119,22 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         if calculator not in self.calculators:
             raise LatheError(f"component {calculator!r} calculates no pitches{nearest(calculator, self.calculators)}")
         found = (self._pass(calculator, number, rows) for number, rows in enumerate(self._stretches(), start=1))
-        return tuple(one for one in found if one is not None)
+        return _marked([one for one in found if one is not None])
+
+    @property
+    def tool_path(self) -> ToolPath:
+        """Where the tool truly was, after the errors of both drives.
+
+        Raises:
+            LatheError: the system has no drive for one of the axes.
+        """
+        names = [f"{Z_DRIVE}.position", f"{X_DRIVE}.position", f"{CONTROLLER}.threading"]
+        missing = [name for name in names if name not in self.result]
+        if missing:
+            raise LatheError(f"the system has no {missing[0]}, so that there is no tool path; take one with the "
+                             f"components {Z_DRIVE}, {X_DRIVE} and {CONTROLLER}")
+        z, x, threading = (np.asarray(self.result[name]) for name in names)
+        return ToolPath(self.time, z.astype(np.float64), x.astype(np.float64), threading.astype(np.bool_))
 
     @property
     def pitch_table(self) -> PitchTable:
@@ -156,8 +195,17 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         target = float(self.result[f"{calculator}.pitch_target"][0])
         in_metal = self._in_metal(pitch, ends)
         effective = None if in_metal is None else statistics(np.where(in_metal, pitch, np.nan))
-        return Pass(number, self._start_number(rows), PitchTable.of_pitches(pitch, starts), effective, pitch - target,
-                    np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal)
+        one = Pass(number, self._start_number(rows), PitchTable.of_pitches(pitch, starts), effective, pitch - target,
+                   np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal)
+        return self._described(one, rows)
+
+    def _described(self, one: Pass, rows: slice) -> Pass:
+        """The pass with what the controller says of it."""
+        outputs = [f"{CONTROLLER}.{name}" for name in ("pass_kind", "cut_depth", "start_angle", "lead", "starts")]
+        if not all(name in self.result for name in outputs):
+            return one
+        kind, depth, angle, lead, starts = (float(self.result[name][rows][0]) for name in outputs)
+        return replace(one, kind=KINDS[int(kind)], depth=depth, start_angle=angle, lead=lead, pitch=lead / starts)
 
     def _turns(self, calculator: str, angle: int, rows: slice) -> tuple[FloatArray, FloatArray]:
         """(P(n), xi at the end of turn n) of one start angle: several turns may end in one step."""
@@ -176,7 +224,7 @@ class Simulation(Mapping[str, cosim.recording.Column]):
 
     def _in_metal(self, pitch: FloatArray, ends: FloatArray) -> NDArray[np.bool_] | None:
         """Turns that begin behind the workpiece's face; they end before z_end because threading does."""
-        names = [f"{CONTROLLER}.{name}" for name in ("z_face", "z_start", "z_end")]
+        names = [f"{CONTROLLER}.{name}" for name in _WORKPIECE]
         if not all(name in self.result for name in names):
             return None
         face, start, end = (float(self.result[name][0]) for name in names)
@@ -188,6 +236,12 @@ class Simulation(Mapping[str, cosim.recording.Column]):
     def _start_number(self, rows: slice) -> int:
         name = f"{CONTROLLER}.start_number"
         return int(self.result[name][rows][0]) if name in self.result else 1
+
+
+def _marked(passes: Sequence[Pass]) -> tuple[Pass, ...]:
+    """The passes with final_flank: of each start the last that is no spring pass."""
+    last = {one.start_number: one.number for one in passes if one.kind not in (None, "spring")}
+    return tuple(replace(one, final_flank=one.number == last.get(one.start_number)) for one in passes)
 
 
 def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Given] | None = None,
@@ -220,7 +274,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         for name in calculators:
             record += [f"{name}.{variable}" for variable in ("threading", "direction", "pitch_target", "start_angle*")]
         for name in controllers:
-            record += [f"{name}.{variable}" for variable in ("z_face", "z_start", "z_end")]
+            record += [f"{name}.{variable}" for variable in (*_WORKPIECE, "lead", "starts")]
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=record,
                                 progress=progress)
     return Simulation(result, flavor)

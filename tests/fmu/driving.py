@@ -31,7 +31,7 @@ from threadpitch.fmu.description3 import references
 ROOT = Path(__file__).parents[2]
 TEST_MODEL = Path(__file__).parent / "models" / "damped_mass.py"
 TABLE_MODEL = Path(__file__).parent / "models" / "rotary_table.py"
-MODEL_PATHS = [TEST_MODEL, TABLE_MODEL, *sorted((ROOT / "fmu_src").glob("*.py"))]
+MODEL_PATHS = [TEST_MODEL, TABLE_MODEL, *sorted((ROOT / "fmu_src").glob("[a-z]*.py"))]
 Values = dict[str, float | int | bool]
 
 # How far a random input moves in a step, by unit: enough for saturation, several turns, reversal

@@ -24,7 +24,7 @@ def initial(model: Model, all_scalars: tuple[Scalar, ...]) -> tuple[Scalar, ...]
 
 def _read_by(model: Model, method: str) -> set[str]:
     """Names of attributes of ``self`` that a method reads, itself or through the methods that it calls."""
-    tree = ast.parse(model.source)
+    tree = model.text.tree()
     model_class = next(node for node in tree.body if isinstance(node, ast.ClassDef))
     methods = {node.name: node for node in model_class.body if isinstance(node, ast.FunctionDef)}
     read: set[str] = set()

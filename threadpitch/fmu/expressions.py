@@ -11,9 +11,9 @@ import ast
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import NoReturn
 
+from threadpitch.fmu.source_text import SourceText
 from threadpitch.fmu.variable import ModelError
 
 NUMBERS = ("int", "float")
@@ -36,7 +36,7 @@ CONSTANTS = {"pi": "float"}
 class Names:
     """What every function of a module can see."""
 
-    path: Path
+    text: SourceText
     constants: Mapping[str, str]  # name -> type
     functions: Mapping[str, Signature]
     fields: Mapping[str, str] = field(default_factory=dict)  # of self; arrays are "list[float]" and so on
@@ -44,9 +44,9 @@ class Names:
     changing: frozenset[str] = frozenset()  # methods that change a field, themselves or through others
 
 
-def refuse(path: Path, node: ast.AST, construct: str, mend: str) -> NoReturn:
+def refuse(text: SourceText, node: ast.AST, construct: str, mend: str) -> NoReturn:
     """Raise the one-line message: file, line, construct, mend."""
-    raise ModelError(f"{path}:{getattr(node, 'lineno', 1)}: {construct} cannot be in an FMU; {mend}")
+    raise ModelError(f"{text.place(getattr(node, 'lineno', 1))}: {construct} cannot be in an FMU; {mend}")
 
 
 class Typing:
@@ -58,7 +58,7 @@ class Typing:
 
     def refuse(self, node: ast.AST, construct: str, mend: str) -> NoReturn:
         """Raise ``ModelError`` for a construct of this file."""
-        refuse(self.names.path, node, construct, mend)
+        refuse(self.names.text, node, construct, mend)
 
     def of(self, node: ast.expr) -> str:
         """The type of an expression.
@@ -235,5 +235,5 @@ def check_order(names: Names, node: ast.AST, expressions: list[ast.expr]) -> Non
               if isinstance(item, ast.Attribute) and id(item) not in inside]
     nested = [item for argument in calls[0].args for item in ast.walk(argument) if item in calls]
     if others or nested or len(calls) > 1:
-        refuse(names.path, node, f"{ast.unparse(calls[0].func)}(...), which changes fields, amid other reads of fields",
+        refuse(names.text, node, f"{ast.unparse(calls[0].func)}(...), which changes fields, amid other reads of fields",
                "call it alone first and keep its result in a local")

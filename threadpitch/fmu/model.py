@@ -20,6 +20,7 @@ from typing import Any
 
 from threadpitch.fmu.declaration import Place, checked_variable
 from threadpitch.fmu.links import check_variables, checked_clocks, checked_terminals
+from threadpitch.fmu.source_text import SourceText, source_text
 from threadpitch.fmu.variable import KEY, Clock, Experiment, ModelError, Terminal, Variable
 
 # name -> the arguments that the method must have
@@ -35,11 +36,20 @@ class Model:
     variables: tuple[Variable, ...]
     errors: Mapping[int, str]
     experiment: Experiment | None
-    path: Path
-    source: str
+    text: SourceText
     model_class: type[Any]
     clocks: tuple[Clock, ...] = ()
     terminals: tuple[Terminal, ...] = ()
+
+    @property
+    def path(self) -> Path:
+        """The model's file."""
+        return self.text.path
+
+    @property
+    def source(self) -> str:
+        """The text of the file and of its parts."""
+        return self.text.source
 
     def variable(self, name: str) -> Variable:
         """The variable of this name.
@@ -81,43 +91,34 @@ def read_model(path: Path | str) -> Model:
     Raises:
         ModelError: the file cannot be read or imported, or a declaration does not make sense (file, line, mend).
     """
-    path = Path(path)
-    try:
-        source = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ModelError(f"{path}: the model cannot be read ({error.strerror}); give the path of a .py file") from error
-    except UnicodeDecodeError as error:
-        raise ModelError(f"{path}: the model is not UTF-8 text; save it as UTF-8") from error
-    return _read(path, source)
+    return _read(source_text(Path(path)))
 
 
 @functools.lru_cache(maxsize=64)
-def _read(path: Path, source: str) -> Model:
-    try:
-        tree = ast.parse(source, filename=str(path))
-    except SyntaxError as error:
-        raise ModelError(f"{path}:{error.lineno}: {error.msg}; this is not Python that can be read") from error
-    module = _imported(path, source)
+def _read(text: SourceText) -> Model:
+    path = text.path
+    tree = text.tree()
+    module = _imported(text)
     model_class = _only_dataclass(path, module)
     node = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == model_class.__name__)
-    _check_methods(path, node)
-    variables = _variables(path, node, model_class)
+    _check_methods(text, node)
+    variables = _variables(text, node, model_class)
     return Model(
         class_name=model_class.__name__,
         description=ast.get_docstring(node) or "",
         variables=variables,
         errors=_errors(path, module),
         experiment=_experiment(path, module),
-        path=path,
-        source=source,
+        text=text,
         model_class=model_class,
         clocks=checked_clocks(path, getattr(module, "CLOCKS", ()), variables),
         terminals=checked_terminals(path, getattr(module, "TERMINALS", ()), variables),
     )
 
 
-def _imported(path: Path, source: str) -> ModuleType:
-    digest = hashlib.sha256(f"{path}\n{source}".encode()).hexdigest()[:12]
+def _imported(text: SourceText) -> ModuleType:
+    path = text.path
+    digest = hashlib.sha256(f"{path}\n{text.source}".encode()).hexdigest()[:12]
     name = f"threadpitch_model_{path.stem}_{digest}"
     spec = importlib.util.spec_from_loader(name, loader=None, origin=str(path))
     assert spec is not None  # spec_from_loader returns None only for a loader that says so
@@ -125,11 +126,12 @@ def _imported(path: Path, source: str) -> ModuleType:
     module.__file__ = str(path)
     sys.modules[name] = module  # dataclasses look up annotations written as text in the module of their class
     try:
-        exec(compile(source, str(path), "exec"), module.__dict__)
+        exec(compile(text.source, str(path), "exec"), module.__dict__)
     except Exception as error:
         del sys.modules[name]
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-        where = f"{path}:{lines[-1]}" if lines else str(path)
+        frames = traceback.extract_tb(error.__traceback__)
+        lines = [frame.lineno or 1 for frame in frames if frame.filename == str(path)]
+        where = text.place(lines[-1]) if lines else str(path)
         raise ModelError(f"{where}: {type(error).__name__}: {error}; the model cannot be imported") from error
     return module
 
@@ -137,38 +139,42 @@ def _imported(path: Path, source: str) -> ModuleType:
 def _only_dataclass(path: Path, module: ModuleType) -> type[Any]:
     found = [value for value in vars(module).values()
              if isinstance(value, type) and value.__module__ == module.__name__ and dataclasses.is_dataclass(value)]
+    bases = {base for one in found for base in one.__mro__[1:]}
+    found = [one for one in found if one not in bases]
     if len(found) != 1:
         names = ", ".join(value.__name__ for value in found) or "none"
         raise ModelError(f"{path}: a model file holds one dataclass, this one holds {names}; keep one model per file")
     return found[0]
 
 
-def _variables(path: Path, node: ast.ClassDef, model_class: type[Any]) -> tuple[Variable, ...]:
+def _variables(text: SourceText, node: ast.ClassDef, model_class: type[Any]) -> tuple[Variable, ...]:
     annotations = {item.target.id: item for item in node.body
                    if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name)}
     found = []
     for field in dataclasses.fields(model_class):
         if field.name not in annotations:
-            raise ModelError(f"{path}:{node.lineno}: {field.name} comes from a base class; declare it in {node.name}")
+            raise ModelError(f"{text.place(node.lineno)}: {field.name} comes from a base class; declare it in "
+                             f"{node.name} or in a part of the model")
         item = annotations[field.name]
-        place = Place(f"{path}:{item.lineno}", field.name)
+        place = Place(text.place(item.lineno), field.name)
         if KEY not in field.metadata:
             raise ModelError(place.says("the field is not declared", "use parameter, input_, output or state"))
         found.append(checked_variable(place, ast.unparse(item.annotation), field.metadata[KEY]))
     if not found:
-        raise ModelError(f"{path}:{node.lineno}: {node.name} declares no variable; add at least one field")
-    check_variables({name: Place(f"{path}:{item.lineno}", name) for name, item in annotations.items()}, found)
+        raise ModelError(f"{text.place(node.lineno)}: {node.name} declares no variable; add at least one field")
+    check_variables({name: Place(text.place(item.lineno), name) for name, item in annotations.items()}, found)
     return tuple(found)
 
 
-def _check_methods(path: Path, node: ast.ClassDef) -> None:
+def _check_methods(text: SourceText, node: ast.ClassDef) -> None:
     methods = {item.name: item for item in node.body if isinstance(item, ast.FunctionDef)}
     for name, arguments in REQUIRED_METHODS.items():
         if name not in methods:
-            raise ModelError(f"{path}:{node.lineno}: {node.name} has no method {name}({', '.join(arguments)}); add it")
+            raise ModelError(f"{text.place(node.lineno)}: {node.name} has no method {name}({', '.join(arguments)}); "
+                             "add it")
         found = methods[name].args
         if tuple(argument.arg for argument in found.args) != arguments or found.defaults:
-            raise ModelError(f"{path}:{methods[name].lineno}: write it as {name}({', '.join(arguments)})")
+            raise ModelError(f"{text.place(methods[name].lineno)}: write it as {name}({', '.join(arguments)})")
 
 
 def _errors(path: Path, module: ModuleType) -> Mapping[int, str]:

@@ -78,7 +78,7 @@ def module_text(model: Model, dialect: Dialect) -> str:
 
 def _used_definitions(model: Model) -> tuple[list[ast.FunctionDef], list[_Definition]]:
     """The methods, and the constants and functions of the file and of ``elementary`` that they use."""
-    tree = ast.parse(model.source)
+    tree = model.text.tree()
     own = _definitions(tree.body)
     shared = _definitions(ast.parse(ELEMENTARY_PATH.read_text(encoding="utf-8")).body)
     imported = {alias.name for node in tree.body if isinstance(node, ast.ImportFrom) and node.module == ELEMENTARY

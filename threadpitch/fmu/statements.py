@@ -32,7 +32,7 @@ def check_function(names: Names, node: ast.FunctionDef, writable: frozenset[str]
     checker = _Checker(names, dict(zip(arguments, signature.arguments, strict=True)), signature.result, writable)
     ended = checker.block(body)
     if signature.result != "none" and not ended:
-        refuse(names.path, node, f"{node.name}, which can end without a value,", "end it with a return")
+        refuse(names.text, node, f"{node.name}, which can end without a value,", "end it with a return")
 
 
 class _Checker:
@@ -47,7 +47,7 @@ class _Checker:
         self.loop_names: list[str] = []
 
     def refuse(self, node: ast.AST, construct: str, mend: str) -> NoReturn:
-        refuse(self.names.path, node, construct, mend)
+        refuse(self.names.text, node, construct, mend)
 
     def block(self, body: list[ast.stmt]) -> bool:
         """Check the statements in order; whether every way through them ends in return, break or continue."""

@@ -12,10 +12,12 @@ from pathlib import Path
 
 from threadpitch.fmu.expressions import CONSTANTS, MATHEMATICS, Names, Signature, Typing, refuse
 from threadpitch.fmu.model import REQUIRED_METHODS, Model
+from threadpitch.fmu.source_text import SourceText, own_text
 from threadpitch.fmu.statements import check_function
 
 ELEMENTARY = "threadpitch.fmu.elementary"
 ELEMENTARY_PATH = Path(__file__).with_name("elementary.py")
+_ELEMENTARY_TEXT = own_text(ELEMENTARY_PATH)
 _IMPORTS = {"__future__": {"annotations"}, "dataclasses": {"dataclass"}, "math": {"floor", "sqrt", "pi"},
             "threadpitch.fmu.variable": {"Clock", "Experiment", "Terminal", "input_", "output", "parameter", "state"}}
 _DECLARATIONS = ("ERRORS", "EXPERIMENT", "CLOCKS", "TERMINALS")
@@ -34,34 +36,34 @@ def check_subset(model: Model) -> None:
     Raises:
         ModelError: the first construct outside the subset, with file, line and what to write instead.
     """
-    tree = ast.parse(model.source)
+    tree = model.text.tree()
     fields = {variable.name: variable.kind if variable.size is None else f"list[{variable.kind}]"
               for variable in model.variables}
     writable = frozenset(variable.name for variable in model.variables if variable.causality in ("output", "local"))
-    shared = _imports(model.path, tree)
-    model_class = _checked_body(model.path, tree)
+    shared = _imports(model.text, tree)
+    model_class = _checked_body(model.text, tree)
     methods = [node for node in model_class.body if isinstance(node, ast.FunctionDef)]
     functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
     for node in functions:
-        _check_name(model.path, node, node.name)
+        _check_name(model.text, node, node.name)
     names = Names(
-        path=model.path,
-        constants=_constants(model.path, tree),
-        functions=shared | {node.name: signature(model.path, node, node.args.args) for node in functions},
+        text=model.text,
+        constants=_constants(model.text, tree),
+        functions=shared | {node.name: signature(model.text, node, node.args.args) for node in functions},
         fields=fields,
-        methods={node.name: signature(model.path, node, node.args.args[1:]) for node in methods},
+        methods={node.name: signature(model.text, node, node.args.args[1:]) for node in methods},
         changing=_changing(methods),
     )
     for node in functions:
-        check_function(Names(names.path, names.constants, names.functions), node, frozenset())
+        check_function(Names(names.text, names.constants, names.functions), node, frozenset())
     for node in methods:
         check_function(names, node, writable)
 
 
 def elementary_functions() -> dict[str, Signature]:
     """The functions of ``threadpitch.fmu.elementary`` with their signatures."""
-    tree = ast.parse(ELEMENTARY_PATH.read_text(encoding="utf-8"))
-    return {node.name: signature(ELEMENTARY_PATH, node, node.args.args)
+    tree = _ELEMENTARY_TEXT.tree()
+    return {node.name: signature(_ELEMENTARY_TEXT, node, node.args.args)
             for node in tree.body if isinstance(node, ast.FunctionDef)}
 
 
@@ -71,14 +73,14 @@ def check_elementary() -> None:
     Raises:
         ModelError: it leaves the subset.
     """
-    tree = ast.parse(ELEMENTARY_PATH.read_text(encoding="utf-8"))
-    names = Names(ELEMENTARY_PATH, _constants(ELEMENTARY_PATH, tree), elementary_functions() | MATHEMATICS)
+    tree = _ELEMENTARY_TEXT.tree()
+    names = Names(_ELEMENTARY_TEXT, _constants(_ELEMENTARY_TEXT, tree), elementary_functions() | MATHEMATICS)
     for node in tree.body:
         if isinstance(node, ast.FunctionDef):
             check_function(names, node, frozenset())
 
 
-def signature(path: Path, node: ast.FunctionDef, arguments: Iterable[ast.arg]) -> Signature:
+def signature(text: SourceText, node: ast.FunctionDef, arguments: Iterable[ast.arg]) -> Signature:
     """The annotated types of a function.
 
     Raises:
@@ -86,43 +88,43 @@ def signature(path: Path, node: ast.FunctionDef, arguments: Iterable[ast.arg]) -
     """
     extra = node.args
     if extra.defaults or extra.kwonlyargs or extra.posonlyargs or extra.vararg or extra.kwarg or node.decorator_list:
-        refuse(path, node, f"{node.name} with defaults, *, keywords or a decorator", "give plain arguments")
+        refuse(text, node, f"{node.name} with defaults, *, keywords or a decorator", "give plain arguments")
     kinds = []
     for argument in arguments:
-        text = ast.unparse(argument.annotation) if argument.annotation else "nothing"
-        if text not in ("float", "int", "bool", "list[float]", "list[int]", "list[bool]"):
-            refuse(path, argument, f"argument {argument.arg} annotated with {text}", "annotate float, int or bool")
-        kinds.append(text)
+        kind = ast.unparse(argument.annotation) if argument.annotation else "nothing"
+        if kind not in ("float", "int", "bool", "list[float]", "list[int]", "list[bool]"):
+            refuse(text, argument, f"argument {argument.arg} annotated with {kind}", "annotate float, int or bool")
+        kinds.append(kind)
     result = ast.unparse(node.returns).replace(" ", "") if node.returns else "nothing"
     parts = result.removeprefix("tuple[").removesuffix("]").split(",") if result.startswith("tuple[") else [result]
     if result == "None":
         return Signature(tuple(kinds), "none")
     if any(part not in ("float", "int", "bool") for part in parts):
-        refuse(path, node, f"{node.name} returning {result}", "annotate float, int, bool, None or a tuple of them")
+        refuse(text, node, f"{node.name} returning {result}", "annotate float, int, bool, None or a tuple of them")
     return Signature(tuple(kinds), result)
 
 
-def _imports(path: Path, tree: ast.Module) -> dict[str, Signature]:
+def _imports(text: SourceText, tree: ast.Module) -> dict[str, Signature]:
     """The functions that the file imports."""
     allowed = _IMPORTS | {ELEMENTARY: set(elementary_functions())}
     available = elementary_functions() | MATHEMATICS
     found: dict[str, Signature] = {}
     for node in tree.body:
         if isinstance(node, ast.Import):
-            refuse(path, node, ast.unparse(node), "import names: from math import floor, sqrt, pi")
+            refuse(text, node, ast.unparse(node), "import names: from math import floor, sqrt, pi")
         if not isinstance(node, ast.ImportFrom):
             continue
         if node.module not in allowed:
-            refuse(path, node, f"an import from {node.module}", f"import from {', '.join(sorted(allowed))} only")
+            refuse(text, node, f"an import from {node.module}", f"import from {', '.join(sorted(allowed))} only")
         for alias in node.names:
             if alias.name not in allowed[node.module] or alias.asname is not None:
-                refuse(path, node, ast.unparse(node), f"import {', '.join(sorted(allowed[node.module]))}, without as")
+                refuse(text, node, ast.unparse(node), f"import {', '.join(sorted(allowed[node.module]))}, without as")
             if alias.name in available:
                 found[alias.name] = available[alias.name]
     return found
 
 
-def _checked_body(path: Path, tree: ast.Module) -> ast.ClassDef:
+def _checked_body(text: SourceText, tree: ast.Module) -> ast.ClassDef:
     """The one class; every other statement of the module is an import, a constant, a function or the docstring."""
     classes = []
     for node in tree.body:
@@ -130,45 +132,45 @@ def _checked_body(path: Path, tree: ast.Module) -> ast.ClassDef:
             classes.append(node)
         elif not isinstance(node, ast.ImportFrom | ast.Import | ast.Assign | ast.AnnAssign | ast.FunctionDef) \
                 and not _is_docstring(node):
-            refuse(path, node, f"{type(node).__name__} in a module", "keep constants, functions and one dataclass")
+            refuse(text, node, f"{type(node).__name__} in a module", "keep constants, functions and one dataclass")
     model_class = classes[0]
     if len(classes) > 1:
-        refuse(path, classes[1], f"a second class {classes[1].name}", "keep one class per file")
+        refuse(text, classes[1], f"a second class {classes[1].name}", "keep one class per file")
     if model_class.bases or model_class.keywords or len(model_class.decorator_list) != 1:
-        refuse(path, model_class, f"{model_class.name} with bases or decorators", "write @dataclass and no base class")
+        refuse(text, model_class, f"{model_class.name} with bases or decorators", "write @dataclass and no base class")
     for item in model_class.body:
         if isinstance(item, ast.FunctionDef):
-            _check_method(path, item)
+            _check_method(text, item)
         elif not isinstance(item, ast.AnnAssign) and not _is_docstring(item):
-            refuse(path, item, f"{ast.unparse(item).splitlines()[0]} in the class",
+            refuse(text, item, f"{ast.unparse(item).splitlines()[0]} in the class",
                    "keep fields and methods; put constants above the class")
     return model_class
 
 
-def _check_method(path: Path, node: ast.FunctionDef) -> None:
+def _check_method(text: SourceText, node: ast.FunctionDef) -> None:
     private = node.name.startswith("_") and not node.name.startswith("__")
     if node.name not in REQUIRED_METHODS and not private:
-        refuse(path, node, f"a method {node.name}", f"name it _{node.name.strip('_')}: it is private to the model")
+        refuse(text, node, f"a method {node.name}", f"name it _{node.name.strip('_')}: it is private to the model")
     if not node.args.args or node.args.args[0].arg != "self":
-        refuse(path, node, f"{node.name} without self", "write def " + node.name + "(self, ...)")
+        refuse(text, node, f"{node.name} without self", "write def " + node.name + "(self, ...)")
     expected = {"check": "int", "initialize": "None", "step": "int"}.get(node.name)
     if expected is not None and (node.returns is None or ast.unparse(node.returns) != expected):
-        refuse(path, node, f"{node.name} not annotated -> {expected}", f"write def {node.name}(...) -> {expected}")
+        refuse(text, node, f"{node.name} not annotated -> {expected}", f"write def {node.name}(...) -> {expected}")
 
 
-def _check_name(path: Path, node: ast.stmt, name: str) -> None:
+def _check_name(text: SourceText, node: ast.stmt, name: str) -> None:
     if name in _C_NAMES or name in MATHEMATICS or name in CONSTANTS or name.startswith("elementary_"):
-        refuse(path, node, f"the name {name}, which has a meaning in C or in the module made of this,",
+        refuse(text, node, f"the name {name}, which has a meaning in C or in the module made of this,",
                "choose another name")
 
 
-def _constants(path: Path, tree: ast.Module) -> Mapping[str, str]:
+def _constants(text: SourceText, tree: ast.Module) -> Mapping[str, str]:
     """Names and types of the numbers at the top of the file; others (texts for the declaration) have no type."""
     found = dict(CONSTANTS)
     for node in tree.body:
         if isinstance(node, ast.Assign):
             if len(node.targets) != 1 or not isinstance(node.targets[0], ast.Name):
-                refuse(path, node, ast.unparse(node), "assign one name at a time")
+                refuse(text, node, ast.unparse(node), "assign one name at a time")
             name, value = node.targets[0].id, node.value
         elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.value is not None:
             name, value = node.target.id, node.value
@@ -177,10 +179,10 @@ def _constants(path: Path, tree: ast.Module) -> Mapping[str, str]:
         if name in _DECLARATIONS or isinstance(value, ast.Dict | ast.Tuple | ast.List) or (
                 isinstance(value, ast.Constant) and isinstance(value.value, str)):
             continue  # for the declaration; a method that used it would be refused
-        _check_name(path, node, name)
+        _check_name(text, node, name)
         if name in found:
-            refuse(path, node, f"a second value of {name}", "give a constant one value")
-        found[name] = Typing(Names(path, found, {}), {}).of(value)
+            refuse(text, node, f"a second value of {name}", "give a constant one value")
+        found[name] = Typing(Names(text, found, {}), {}).of(value)
     return found
 
 

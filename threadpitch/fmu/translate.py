@@ -85,7 +85,7 @@ def _dialect(model: Model, class_name: str) -> Dialect:
     own = model.model_class.step.__globals__
     numbers = {name: value for name, value in own.items() if type(value) in (bool, int, float)}
     numbers |= {f"{PREFIX}{name}": value for name, value in vars(elementary).items() if type(value) in (int, float)}
-    functions = {node.name for node in ast.parse(model.source).body if isinstance(node, ast.FunctionDef)}
+    functions = {node.name for node in model.text.tree().body if isinstance(node, ast.FunctionDef)}
     arrays = any(variable.size is not None for variable in model.variables)
     numbers["pi"] = math.pi
     return Dialect(class_name, _filled, lambda node: _ForC(class_name, numbers, functions).visit_FunctionDef(node),
@@ -169,13 +169,13 @@ def _failure(model: Model, text: str, output: str) -> str:
     number = int(found[1])
     construct = text.splitlines()[number - 1].strip()
     line = source_line(model, text, number)
-    return (f"{model.path}:{line}: {construct}: Pyccel does not translate this ({found[2].strip()}); "
+    return (f"{model.text.place(line)}: {construct}: Pyccel does not translate this ({found[2].strip()}); "
             "write it more simply, or build with --flavor python")
 
 
 def source_line(model: Model, text: str, number: int) -> int:
-    """The line of the model's file that line ``number`` of the module made from it came from."""
-    made, original = _functions(ast.parse(text)), _functions(ast.parse(model.source))
+    """The line of the model's text that line ``number`` of the module made from it came from."""
+    made, original = _functions(ast.parse(text)), _functions(model.text.tree())
     for name, node in made.items():
         own = original.get(name.removeprefix(FUNCTION_PREFIX))
         if not node.lineno <= number <= (node.end_lineno or node.lineno) or own is None:

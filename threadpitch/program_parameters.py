@@ -1,0 +1,224 @@
+"""A program's cycles and threads as the parameters of the ThreadingController: program -> operations of a lathe.
+
+An operation is what one run of the controller cuts: a G76 cycle with all its passes and starts, or passes by G32, G33,
+G34 and G92 that follow each other and differ in their X only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from threadpitch.cosim.values import Given
+from threadpitch.cycles import G76Cycle, Interpretation, Pass, spindle_of_passes
+from threadpitch.cycles import passes as passes_of_cycle
+from threadpitch.cycles.dialect import Clamping, Finishing
+from threadpitch.cycles.moves import TURN, SpindleSpeed, SurfaceSpeed, ThreadPath, Wait
+from threadpitch.cycles.pass_kinds import SAME
+
+MOST_BLOCKS = 8  # of a chain in the controller
+MOST_DEPTHS = 32  # of its list of passes
+EXTERNAL_HEIGHT = 17.0 / 24.0 * math.sqrt(3.0) / 2.0  # of the pitch, ISO 68-1 and ISO 965-1: depth of the root
+_LONGEST_SPIN_UP = 3.0  # s
+_RAPID = 0.25  # m/s, slow enough for a stop time
+_MARGIN = 0.3  # s a pass for accelerations
+
+Spindle = SpindleSpeed | SurfaceSpeed | None
+
+
+class OperationError(ValueError):
+    """A threading pass that the controller cannot cut; the message tells which, why and how to mend it."""
+
+
+@dataclass(frozen=True)
+class Workpiece:
+    """What the words do not tell: Z of the face, m; x of the surface (radius, m), None where it is not known."""
+
+    face: float = 0.0
+    surface: float | None = None
+
+
+@dataclass(frozen=True)
+class Operation:
+    """``component.variable`` -> value for one run, a stop time that is enough for it (s), and the passes it cuts."""
+
+    parameters: Mapping[str, Given]
+    stop_time: float
+    passes: tuple[Pass, ...]
+
+
+def operations(program: Interpretation, workpiece: Workpiece | None = None) -> tuple[Operation, ...]:
+    """The operations of a program, to be run one after the other, each from where its first pass is approached.
+
+    Raises:
+        OperationError: no pass, no spindle speed, a chain of more than 8 blocks, a run-out amid a chain.
+    """
+    if not program.passes:
+        raise OperationError("the program cuts no thread; write G32, G33, G34, G76 or G92")
+    piece = workpiece or Workpiece()
+    spindle = spindle_of_passes(program.moves)
+    made: list[Operation] = []
+    cycles = list(program.cycles)
+    left = list(program.passes)
+    while left:
+        if left[0].depth is not None:
+            cycle = cycles.pop(0)
+            taken = left[:len(passes_of_cycle(cycle))]
+            own = _multiple(cycle)
+        else:
+            taken = _alike(left, spindle)
+            own = _list(taken, piece)
+        del left[:len(taken)]
+        speed = _speed(spindle.get(taken[0].number), taken[0])
+        made.append(_operation(own, taken, (speed, piece)))
+    return tuple(made)
+
+
+def _operation(own: Mapping[str, Given], passes: Sequence[Pass], setting: tuple[float, Workpiece]) -> Operation:
+    speed, piece = setting
+    first = passes[0]
+    clear = _clear(passes)
+    last = passes[-1].paths[0].end.x
+    parameters: dict[str, Given] = {
+        "commanded_speed": speed, "x_clear": clear, "z_face": piece.face,
+        "x_surface": piece.surface if piece.surface is not None else last + float(str(own["thread_height"])) * (
+            1.0 if clear >= last else -1.0),
+        **own,
+    }
+    named: dict[str, Given] = {f"controller.{name}": value for name, value in parameters.items()}
+    named |= {"z_drive.initial_position": first.approach.z, "x_drive.initial_position": clear}
+    return Operation(named, _stop_time(passes, speed), tuple(passes))
+
+
+def _clear(passes: Sequence[Pass]) -> float:
+    return passes[0].approach.x
+
+
+def _speed(spindle: Spindle, one: Pass) -> float:
+    """rad/s; of a constant surface speed that at the X where the pass begins."""
+    if isinstance(spindle, SpindleSpeed) and spindle.speed > 0.0:
+        return spindle.speed
+    if isinstance(spindle, SurfaceSpeed) and spindle.speed > 0.0 and one.start.x != 0.0:
+        return spindle.speed / abs(one.start.x)
+    raise OperationError(f"pass {one.number} finds no turning spindle; write S and M3 before it")
+
+
+def _multiple(cycle: G76Cycle) -> dict[str, Given]:
+    """G76 by its words: the controller counts the depths itself."""
+    helix, infeed = cycle.helix, cycle.infeed
+    run_out = helix.run_out
+    return {
+        "cycle": "multiple", "lead": helix.lead, "starts": helix.starts, "start": 0, "start_order": "start_by_start",
+        "first_start_angle": helix.first_start_angle, "z_start": cycle.start.z, "z_end": cycle.end.z,
+        "x_thread": cycle.end.x, "taper": helix.taper, "thread_height": cycle.height, "tool_angle": cycle.tool_angle,
+        "run_out_length": 0.0 if run_out is None else run_out.length,
+        "run_out_height": 0.0 if run_out is None else run_out.height,
+        "first_cut": infeed.first_cut, "least_cut": infeed.least_cut, "allowance": infeed.allowance,
+        "finishing_passes": infeed.finishing_passes,
+        "clamping": "sticky" if infeed.clamping is Clamping.STICKY else "no_memory",
+        "finishing": "first_takes_all" if infeed.finishing is Finishing.FIRST_TAKES_ALL else "equal_parts",
+    }
+
+
+def _list(passes: Sequence[Pass], piece: Workpiece) -> dict[str, Given]:
+    """Passes that differ in X only, by their depths under the surface."""
+    first = passes[0]
+    starts = max(one.start_number for one in passes)
+    ends = [one.paths[0].end.x for one in passes[::starts]]
+    outside = _clear(passes) >= ends[-1]
+    deepest = min(ends) if outside else max(ends)
+    below = [abs(x - deepest) for x in ends]  # how far each is above the deepest
+    height = EXTERNAL_HEIGHT * first.lead / starts
+    height = abs(piece.surface - deepest) if piece.surface is not None else max(height, max(below))
+    path, run_out = first.paths[0], first.run_out
+    values: dict[str, Given] = {
+        "cycle": "list", "lead": path.lead, "lead_change": path.lead_change, "starts": starts, "start": 0,
+        "start_order": "pass_by_pass", "first_start_angle": path.start_angle, "z_start": path.start.z,
+        "z_end": path.end.z, "x_thread": deepest, "taper": path.taper, "thread_height": height,
+        "run_out_length": 0.0 if run_out is None else run_out.length,
+        "run_out_height": 0.0 if run_out is None else abs(run_out.height),
+        "pass_count": len(ends), "depth": [height - x for x in below],
+    }
+    return values | _chain(first, deepest - path.end.x)
+
+
+def _chain(one: Pass, moved: float) -> dict[str, Given]:
+    """The threading blocks after the first, their X as that of the deepest pass."""
+    further = one.paths[1:]
+    if not further:
+        return {}
+    if len(one.paths) > MOST_BLOCKS:
+        raise OperationError(f"pass {one.number} is a chain of {len(one.paths)} threading blocks; the controller takes "
+                             f"{MOST_BLOCKS}")
+    if any(path.run_out is not None for path in one.paths[:-1]):
+        raise OperationError(f"pass {one.number} runs out amid its chain; keep the run-out for its last block")
+    return {
+        "further_blocks": len(further), "further_z": [path.end.z for path in further],
+        "further_x": [path.end.x + moved for path in further], "further_lead": [path.lead for path in further],
+        "further_lead_change": [path.lead_change for path in further],
+        "further_start_angle": [path.start_angle for path in further],
+        "start_each_block": any(path.wait is Wait.START_ANGLE for path in further),
+    }
+
+
+def _alike(passes: Sequence[Pass], spindle: Mapping[int, Spindle]) -> list[Pass]:
+    """The passes from the first on that make one list: cuts of all starts, one after the other, deeper or not."""
+    shape = _shape(passes[0])
+    turning = _turning(spindle.get(passes[0].number))
+    taken: list[Pass] = []
+    for cut in _cuts(passes):
+        first = cut[0]
+        same = _shape(first) == shape and _turning(spindle.get(first.number)) == turning
+        if taken and not (same and len(cut) == len(taken_starts(taken)) and len(taken) // len(cut) < MOST_DEPTHS):
+            break
+        taken += cut
+    return taken
+
+
+def taken_starts(passes: Iterable[Pass]) -> set[int]:
+    """The numbers of the starts that these passes cut."""
+    return {one.start_number for one in passes}
+
+
+def _cuts(passes: Sequence[Pass]) -> list[list[Pass]]:
+    """Passes parted where a cut begins with the first start, up to one whose depth is its own affair."""
+    cuts: list[list[Pass]] = []
+    for one in passes:
+        if one.depth is not None:
+            break
+        if one.start_number == 1 or not cuts:
+            cuts.append([])
+        cuts[-1].append(one)
+    return cuts
+
+
+def _turning(spindle: Spindle) -> tuple[object, ...]:
+    return () if spindle is None else (type(spindle), spindle.speed, spindle.direction)
+
+
+def _shape(one: Pass) -> tuple[object, ...]:
+    """All of a pass but its X: equal for passes that one list can hold."""
+    return (_rounded(one.approach.x), _rounded(one.approach.z), *(_path_shape(path, one) for path in one.paths))
+
+
+def _path_shape(path: ThreadPath, one: Pass) -> tuple[object, ...]:
+    run_out = None if path.run_out is None else (_rounded(path.run_out.length), _rounded(path.run_out.height))
+    return (_rounded(path.start.z), _rounded(path.end.z), _rounded(path.end.x - one.paths[0].end.x),
+            _rounded(path.taper), _rounded(path.lead), _rounded(path.lead_change), round(path.start_angle, 9), run_out,
+            path.wait)
+
+
+def _rounded(length: float) -> int:
+    return round(length / SAME)
+
+
+def _stop_time(passes: Sequence[Pass], speed: float) -> float:
+    """Enough for the spin-up, and for every pass: the wait for the start, its turns, the stop, the way back."""
+    total = _LONGEST_SPIN_UP
+    for one in passes:
+        turns = sum(path.turns for path in one.paths)
+        turns += sum(1.0 for path in one.paths if path.wait is not Wait.NONE) + 1.0
+        length = abs(one.end.z - one.approach.z) + abs(one.end.x - one.approach.x)
+        total += turns * TURN / speed + 2.0 * length / _RAPID + _MARGIN
+    return math.ceil(total * 10.0) / 10.0
