@@ -47,6 +47,7 @@ _TABLE = (
     _unit("m/s", m=1, s=-1), _unit("mm/s", 1e-3, m=1, s=-1), _unit("m/min", 1.0 / 60.0, m=1, s=-1),
     _unit("mm/min", 1e-3 / 60.0, m=1, s=-1),
     _unit("m/s2", m=1, s=-2), _unit("mm/s2", 1e-3, m=1, s=-2), _unit("m/s3", m=1, s=-3),
+    _unit("m2", m=2), _unit("mm2", 1e-6, m=2),
     _unit("m/rad", m=1, rad=-1), _unit("mm/rev", 1e-3 / _TURN, m=1, rad=-1),
     _unit("kg", kg=1), _unit("kg.m2", kg=1, m=2), _unit("kg.cm2", 1e-4, kg=1, m=2),
     _unit("N", kg=1, m=1, s=-2), _unit("kN", 1e3, kg=1, m=1, s=-2),

@@ -14,7 +14,7 @@ _QUANTITIES = {
     "rad/s2": "AngularAcceleration", "m/s": "Velocity", "m/s2": "Acceleration", "m/rad": "LeadPerAngle", "kg": "Mass",
     "kg.m2": "MomentOfInertia", "N": "Force", "N.m": "Torque", "N.m.s/rad": "RotationalDampingConstant",
     "N.m/rad": "RotationalSpringConstant", "N/m": "TranslationalSpringConstant",
-    "N.s/m": "TranslationalDampingConstant", "N/m2": "Pressure", "W": "Power", "K": "Temperature",
+    "N.s/m": "TranslationalDampingConstant", "N/m2": "Pressure", "m2": "Area", "W": "Power", "K": "Temperature",
     "1/K": "LinearExpansionCoefficient",
 }
 _LETTERS = {"%": "percent", "/": "_per_", ".": "_", "(": "", ")": "", " ": "_"}
