@@ -12,6 +12,7 @@ FLOORS = (
     {"units", "compiled"},
     {"trace", "cycles", "fmu"},
     {"pitch", "cosim"},
+    {"passes"},
     {"judgement", "tolerance", "lathe", "store", "parameters", "program_parameters"},
     {"tables", "publish", "study", "system_archive"},
     {"report", "run_folder"},

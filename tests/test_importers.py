@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from tests.plain_system import PlainSystem, read_plan
 from threadpitch import lathe
 from threadpitch.fmu import available_compiler, cached_fmu
+from threadpitch.passes import Pass
 from threadpitch.system_archive import FmuKind, build_system
 
 RUN = Path(__file__).parent / "importer_run.py"
@@ -163,7 +164,7 @@ def pitches(columns: Columns, component: str) -> Pitches:
     return found
 
 
-def settled_differences(one: Pitches, other: lathe.Pass) -> NDArray[np.float64]:
+def settled_differences(one: Pitches, other: Pass) -> NDArray[np.float64]:
     """(start_angles, turns) m, the turns after the start that both have."""
     turns = min(min(map(len, one)), other.table.pitch.shape[1])
     assert turns > SETTLED + 8

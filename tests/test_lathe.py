@@ -239,4 +239,4 @@ def test_model_files_carry_the_names_of_their_classes() -> None:
     for path in lathe.model_files():
         name = "".join(word.capitalize() for word in path.stem.split("_"))
         assert lathe.model_file(name) == path
-        assert f"class {name}:" in path.read_text(encoding="utf-8")
+        assert f"\nclass {name}" in path.read_text(encoding="utf-8")

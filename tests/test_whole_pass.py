@@ -1,4 +1,4 @@
-"""Plain Python class = PythonFMU FMU = native FMU of FMI 2.0 and 3.0, bit for bit, over a whole threading pass.
+"""Plain Python class = PythonFMU FMU = native FMU of FMI 2.0 and 3.0, bit for bit, over whole passes and programs.
 
 The FMUs run in a process without threadpitch.
 """
@@ -21,11 +21,30 @@ from tests.fmu.native.building import needs_compiler
 from tests.plain_system import PlainSystem, read_plan
 from threadpitch import lathe
 from threadpitch.cosim.values import Given
+from threadpitch.cycles import Setup, interpret, read_program
 from threadpitch.fmu import cached_fmu
+from threadpitch.program_parameters import operations
 
 ALONE = Path(__file__).parent / "whole_pass_alone.py"
 STEP_SIZE = 1e-3
 STEPS = 4000
+
+# a tapered thread of two starts, lead 3 and pitch 1.5, in three passes each, with run-out
+PROGRAM = """G97 S1500 M3
+G0 X24. Z4.
+G76 P011060 Q50 R0.05
+G76 X18.16 Z-6. R-0.2 P920 Q900 F3.
+M30
+"""
+
+
+def of_program() -> dict[str, Given]:
+    """The parameters of the program's one operation."""
+    (operation,) = operations(interpret(read_program(PROGRAM), Setup(starts=2)))
+    assert [(one.start_number, one.kind) for one in operation.passes] == [
+        (1, "rough"), (1, "finish"), (2, "rough"), (2, "finish")]
+    return dict(operation.parameters)
+
 
 PARAMETERS: dict[str, dict[str, Given]] = {
     "shipped": {},  # with ripple, backlash, screw errors, quantised detectors
@@ -37,6 +56,17 @@ PARAMETERS: dict[str, dict[str, Given]] = {
         "z_drive.backlash": 2e-5, "z_drive.temperature_rise": 8.0, "z_drive.table_spacing": 0.02,
         "z_drive.lead_table": [0.0, 2e-6, -1e-6, 3e-6, 1e-6, -2e-6, 4e-6, 0.0, 1e-6],
         "nominal_pitch.use_threading_start": True, "actual_pitch.feed_direction": -1,
+    },
+    "g76_program": of_program() | {
+        "controller.start_mode": "s_shaped", "controller.acceleration_limit": 5.0, "controller.start_order": 1,
+        "x_drive.backlash": 1e-5, "x_drive.detector": "linear_scale",
+    },
+    "special_groove": {
+        "controller.start_each_block": True, "controller.further_blocks": 3, "controller.lead": 4e-3,
+        "controller.z_end": 0.004, "controller.further_z": [0.003, 0.003, -0.03],
+        "controller.further_x": [0.0097, 0.0097, 0.0107], "controller.further_lead": [4e-3, 0.0, 3e-3],
+        "controller.further_lead_change": [0.0, 0.0, 1e-4], "controller.further_start_angle": [4.7, 1.5, 3.1],
+        "controller.run_out_length": 2e-3, "controller.run_out_height": 1e-3,
     },
 }
 
@@ -137,6 +167,7 @@ def test_the_pass_is_whole_and_reaches_what_makes_bits_differ(
     phase, spindle_torque, drive_torque, wind_up, angle, position = np.array(run.seen).T
     assert phase[-1] == 8  # done
     assert set(phase) >= {1, 2, 4, 5, 6, 7, 8}
+    assert run.models[2].pass_number == (4 if name == "g76_program" else 1)
     assert np.count_nonzero(wind_up > 0.5 * drive.backlash) > 100  # the screw pushes on either flank
     assert np.count_nonzero(wind_up < -0.5 * drive.backlash) > 100
     assert share_at(np.abs(spindle_torque), spindle.torque_limit) > 0.02

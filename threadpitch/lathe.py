@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,58 +18,20 @@ from threadpitch import cosim
 from threadpitch.cosim.master import Progress
 from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
-from threadpitch.cycles.moves import Kind
 from threadpitch.fmu import available_compiler, cached_fmu
-from threadpitch.pitch import PitchTable, Statistics, statistics
+from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE, Pass, ToolPath, find_passes
+from threadpitch.pitch import PitchTable
 from threadpitch.units import from_si
 
 DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
 ACTUAL = "actual_pitch"
-CONTROLLER = "controller"
 Z_DRIVE, X_DRIVE = "z_drive", "x_drive"
-KINDS: tuple[Kind, ...] = ("rough", "finish", "spring")  # by the controller's pass_kind
 ANGLES = 8  # start angles of a PitchCalculator
-_WORKPIECE = ("z_face", "z_start", "z_end")
-TURNS_A_STEP = 8  # turns of one start angle that it keeps per step
-
-FloatArray = NDArray[np.float64]
 
 
 class LatheError(ValueError):
     """The simulation cannot answer the question that was asked; the message tells why and how to mend it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Pass:
-    """One threading pass: the pitches of its whole turns, and which of them lie in the metal.
-
-    What a system does not tell is None. The lead is the movement per turn, pitch = lead / starts the distance from
-    groove to groove; P(n) measures the lead.
-    """
-
-    number: int
-    start_number: int
-    table: PitchTable
-    effective: Statistics | None  # over the turns wholly in the metal; None where the system does not tell the face
-    deviation: FloatArray  # (start_angles, revolutions) m, P(n) - target
-    in_metal: NDArray[np.bool_]  # (start_angles, revolutions)
-    kind: Kind | None = None
-    depth: float | None = None  # m, radius
-    start_angle: float | None = None  # rad from the one-turn pulse
-    lead: float | None = None  # m
-    pitch: float | None = None  # m, lead / starts
-    final_flank: bool = False  # of its start, the last pass that takes metal
-
-
-@dataclass(frozen=True, eq=False)
-class ToolPath:
-    """True positions of the tool, x as radius; m."""
-
-    time: FloatArray  # (rows,) s
-    z: FloatArray  # (rows,)
-    x: FloatArray  # (rows,)
-    threading: NDArray[np.bool_]  # (rows,)
 
 
 class Simulation(Mapping[str, cosim.recording.Column]):
@@ -118,8 +79,7 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         """
         if calculator not in self.calculators:
             raise LatheError(f"component {calculator!r} calculates no pitches{nearest(calculator, self.calculators)}")
-        found = (self._pass(calculator, number, rows) for number, rows in enumerate(self._stretches(), start=1))
-        return _marked([one for one in found if one is not None])
+        return find_passes(self.result, calculator, self._threading())
 
     @property
     def tool_path(self) -> ToolPath:
@@ -174,75 +134,6 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         """(rows,) whether the first calculator's input said threading."""
         return np.asarray(self.result[f"{self.calculators[0]}.threading"], dtype=np.bool_)
 
-    def _stretches(self) -> list[slice]:
-        """Rows of every threading pass: from the first that is threading to the last before the next pass."""
-        threading = self._threading()
-        begins = np.flatnonzero(threading & ~np.concatenate(([False], threading[:-1])))
-        ends = np.append(begins, threading.size)[1:]
-        return [slice(int(begin), int(end)) for begin, end in zip(begins, ends, strict=True)]
-
-    def _pass(self, calculator: str, number: int, rows: slice) -> Pass | None:
-        count = int(self.result[f"{calculator}.start_angle_count"][0])
-        turns = [self._turns(calculator, angle, rows) for angle in range(count)]
-        longest = max(pitch.size for pitch, _ in turns)
-        if longest == 0:
-            return None
-        pitch = np.full((count, longest), np.nan)  # (start_angles, revolutions)
-        ends = np.full((count, longest), np.nan)
-        for row, (values, positions) in enumerate(turns):
-            pitch[row, :values.size], ends[row, :values.size] = values, positions
-        starts = [float(self.result[f"{calculator}.start_angle[{i + 1}]"][0]) for i in range(count)]
-        target = float(self.result[f"{calculator}.pitch_target"][0])
-        in_metal = self._in_metal(pitch, ends)
-        effective = None if in_metal is None else statistics(np.where(in_metal, pitch, np.nan))
-        one = Pass(number, self._start_number(rows), PitchTable.of_pitches(pitch, starts), effective, pitch - target,
-                   np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal)
-        return self._described(one, rows)
-
-    def _described(self, one: Pass, rows: slice) -> Pass:
-        """The pass with what the controller says of it."""
-        outputs = [f"{CONTROLLER}.{name}" for name in ("pass_kind", "cut_depth", "start_angle", "lead", "starts")]
-        if not all(name in self.result for name in outputs):
-            return one
-        kind, depth, angle, lead, starts = (float(self.result[name][rows][0]) for name in outputs)
-        return replace(one, kind=KINDS[int(kind)], depth=depth, start_angle=angle, lead=lead, pitch=lead / starts)
-
-    def _turns(self, calculator: str, angle: int, rows: slice) -> tuple[FloatArray, FloatArray]:
-        """(P(n), xi at the end of turn n) of one start angle: several turns may end in one step."""
-        completed = self.result[f"{calculator}.completed[{angle + 1}]"][rows]
-        position = self.result[f"{calculator}.crossing_position[{angle + 1}]"][rows]
-        direction = self.result[f"{calculator}.direction"][rows]
-        pitches: list[float] = []
-        ends: list[float] = []
-        for row in np.flatnonzero(completed):
-            kept = [float(self.result[f"{calculator}.completed_pitch[{TURNS_A_STEP * angle + turn + 1}]"][rows][row])
-                    for turn in range(int(completed[row]))]
-            after = np.cumsum(kept[::-1])[::-1] - np.array(kept)  # movement of this step's later turns
-            ends += (position[row] - direction[row] * after).tolist()
-            pitches += kept
-        return np.array(pitches), np.array(ends)
-
-    def _in_metal(self, pitch: FloatArray, ends: FloatArray) -> NDArray[np.bool_] | None:
-        """Turns that begin behind the workpiece's face; they end before z_end because threading does."""
-        names = [f"{CONTROLLER}.{name}" for name in _WORKPIECE]
-        if not all(name in self.result for name in names):
-            return None
-        face, start, end = (float(self.result[name][0]) for name in names)
-        sense = 1.0 if end > start else -1.0
-        begins = ends - sense * pitch
-        with np.errstate(invalid="ignore"):
-            return np.asarray(sense * (begins - face) >= 0.0)
-
-    def _start_number(self, rows: slice) -> int:
-        name = f"{CONTROLLER}.start_number"
-        return int(self.result[name][rows][0]) if name in self.result else 1
-
-
-def _marked(passes: Sequence[Pass]) -> tuple[Pass, ...]:
-    """The passes with final_flank: of each start the last that is no spring pass."""
-    last = {one.start_number: one.number for one in passes if one.kind not in (None, "spring")}
-    return tuple(replace(one, final_flank=one.number == last.get(one.start_number)) for one in passes)
-
 
 def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Given] | None = None,
              start_angles: Sequence[float] | None = None, stop_time: float | None = None,
@@ -274,7 +165,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         for name in calculators:
             record += [f"{name}.{variable}" for variable in ("threading", "direction", "pitch_target", "start_angle*")]
         for name in controllers:
-            record += [f"{name}.{variable}" for variable in (*_WORKPIECE, "lead", "starts")]
+            record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=record,
                                 progress=progress)
     return Simulation(result, flavor)

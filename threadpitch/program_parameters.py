@@ -65,34 +65,21 @@ def operations(program: Interpretation, workpiece: Workpiece | None = None) -> t
         if left[0].depth is not None:
             cycle = cycles.pop(0)
             taken = left[:len(passes_of_cycle(cycle))]
-            own = _multiple(cycle)
+            own = _multiple(cycle, piece)
         else:
             taken = _alike(left, spindle)
             own = _list(taken, piece)
         del left[:len(taken)]
-        speed = _speed(spindle.get(taken[0].number), taken[0])
-        made.append(_operation(own, taken, (speed, piece)))
+        made.append(_operation(own, taken, _speed(spindle.get(taken[0].number), taken[0])))
     return tuple(made)
 
 
-def _operation(own: Mapping[str, Given], passes: Sequence[Pass], setting: tuple[float, Workpiece]) -> Operation:
-    speed, piece = setting
+def _operation(own: Mapping[str, Given], passes: Sequence[Pass], speed: float) -> Operation:
     first = passes[0]
-    clear = _clear(passes)
-    last = passes[-1].paths[0].end.x
-    parameters: dict[str, Given] = {
-        "commanded_speed": speed, "x_clear": clear, "z_face": piece.face,
-        "x_surface": piece.surface if piece.surface is not None else last + float(str(own["thread_height"])) * (
-            1.0 if clear >= last else -1.0),
-        **own,
-    }
-    named: dict[str, Given] = {f"controller.{name}": value for name, value in parameters.items()}
-    named |= {"z_drive.initial_position": first.approach.z, "x_drive.initial_position": clear}
+    values = {"commanded_speed": speed, "x_clear": first.approach.x, **own}
+    named: dict[str, Given] = {f"controller.{name}": value for name, value in values.items()}
+    named |= {"z_drive.initial_position": first.approach.z, "x_drive.initial_position": first.approach.x}
     return Operation(named, _stop_time(passes, speed), tuple(passes))
-
-
-def _clear(passes: Sequence[Pass]) -> float:
-    return passes[0].approach.x
 
 
 def _speed(spindle: Spindle, one: Pass) -> float:
@@ -104,11 +91,13 @@ def _speed(spindle: Spindle, one: Pass) -> float:
     raise OperationError(f"pass {one.number} finds no turning spindle; write S and M3 before it")
 
 
-def _multiple(cycle: G76Cycle) -> dict[str, Given]:
+def _multiple(cycle: G76Cycle, piece: Workpiece) -> dict[str, Given]:
     """G76 by its words: the controller counts the depths itself."""
     helix, infeed = cycle.helix, cycle.infeed
     run_out = helix.run_out
     return {
+        "z_face": piece.face,
+        "x_surface": cycle.end.x + cycle.outward * cycle.height if piece.surface is None else piece.surface,
         "cycle": "multiple", "lead": helix.lead, "starts": helix.starts, "start": 0, "start_order": "start_by_start",
         "first_start_angle": helix.first_start_angle, "z_start": cycle.start.z, "z_end": cycle.end.z,
         "x_thread": cycle.end.x, "taper": helix.taper, "thread_height": cycle.height, "tool_angle": cycle.tool_angle,
@@ -126,13 +115,14 @@ def _list(passes: Sequence[Pass], piece: Workpiece) -> dict[str, Given]:
     first = passes[0]
     starts = max(one.start_number for one in passes)
     ends = [one.paths[0].end.x for one in passes[::starts]]
-    outside = _clear(passes) >= ends[-1]
+    outside = first.approach.x >= ends[-1]
     deepest = min(ends) if outside else max(ends)
     below = [abs(x - deepest) for x in ends]  # how far each is above the deepest
     height = EXTERNAL_HEIGHT * first.lead / starts
     height = abs(piece.surface - deepest) if piece.surface is not None else max(height, max(below))
     path, run_out = first.paths[0], first.run_out
     values: dict[str, Given] = {
+        "z_face": piece.face, "x_surface": deepest + (height if outside else -height),
         "cycle": "list", "lead": path.lead, "lead_change": path.lead_change, "starts": starts, "start": 0,
         "start_order": "pass_by_pass", "first_start_angle": path.start_angle, "z_start": path.start.z,
         "z_end": path.end.z, "x_thread": deepest, "taper": path.taper, "thread_height": height,
@@ -170,13 +160,13 @@ def _alike(passes: Sequence[Pass], spindle: Mapping[int, Spindle]) -> list[Pass]
     for cut in _cuts(passes):
         first = cut[0]
         same = _shape(first) == shape and _turning(spindle.get(first.number)) == turning
-        if taken and not (same and len(cut) == len(taken_starts(taken)) and len(taken) // len(cut) < MOST_DEPTHS):
+        if taken and not (same and len(cut) == len(_starts_of(taken)) and len(taken) // len(cut) < MOST_DEPTHS):
             break
         taken += cut
     return taken
 
 
-def taken_starts(passes: Iterable[Pass]) -> set[int]:
+def _starts_of(passes: Iterable[Pass]) -> set[int]:
     """The numbers of the starts that these passes cut."""
     return {one.start_number for one in passes}
 

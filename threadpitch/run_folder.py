@@ -11,7 +11,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from threadpitch.lathe import Pass, Simulation
+from threadpitch.lathe import Simulation
+from threadpitch.passes import Pass
 from threadpitch.tables import pass_text, pitch_record, start_angles_deg
 from threadpitch.units import from_si
 
@@ -95,13 +96,22 @@ def _write_files(simulation: Simulation, folder: Path) -> None:
 
 
 def _pass_record(one: Pass) -> dict[str, object]:
-    record: dict[str, object] = {"pass": one.number, "start_number": one.start_number, **pitch_record(one.table)}
+    record: dict[str, object] = {"pass": one.number, "start_number": one.start_number, **_told(one),
+                                 **pitch_record(one.table)}
     if one.effective is not None:
         for name, values in (("min", one.effective.minimum), ("max", one.effective.maximum),
                              ("mean", one.effective.mean)):
             record[f"effective_{name}_mm"] = [None if math.isnan(value) else from_si(float(value), "mm")
                                               for value in values]
     return record
+
+
+def _told(one: Pass) -> dict[str, object]:
+    """What the controller says of the pass; null where the system does not tell it."""
+    lengths = {"depth_mm": one.depth, "lead_mm": one.lead, "groove_pitch_mm": one.pitch}
+    told = {name: None if value is None else from_si(value, "mm") for name, value in lengths.items()}
+    angle = None if one.start_angle is None else from_si(one.start_angle, "deg")
+    return {"kind": one.kind, **told, "start_angle_deg": angle, "final_flank": one.final_flank}
 
 
 def _write_pitches(simulation: Simulation, path: Path) -> None:

@@ -17,7 +17,7 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from threadpitch.lathe import Pass
+from threadpitch.passes import Pass
 from threadpitch.pitch import GroupPitch, PitchTable, Statistics
 from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
@@ -85,6 +85,16 @@ def pass_text(one: Pass, layout: Layout | None = None) -> str:
     return _plain(_pass_renderable(one, layout or Layout()), layout or Layout())
 
 
+def pass_description(one: Pass) -> str:
+    """Kind, depth, start angle, lead and pitch of a pass in two lines; empty where the system does not tell them."""
+    if one.kind is None or one.depth is None or one.start_angle is None or one.lead is None or one.pitch is None:
+        return ""
+    depth, lead, pitch = (from_si(value, "mm") for value in (one.depth, one.lead, one.pitch))
+    flank = ", makes the final flank" if one.final_flank else ""
+    return (f"{one.kind}, depth {depth:.4f} mm{flank}\n"
+            f"start angle {from_si(one.start_angle, 'deg'):.6g} deg, lead {lead:.6g} mm, pitch {pitch:.6g} mm")
+
+
 def pitch_renderable(table: PitchTable, layout: Layout | None = None) -> RenderableType:
     """The movement per rotation, then its greatest, least and mean value, for a rich console."""
     layout = layout or Layout()
@@ -122,7 +132,8 @@ def _movement_table(table: PitchTable, columns: range, layout: Layout) -> Table:
 def _pass_renderable(one: Pass, layout: Layout) -> RenderableType:
     """The tables, with the statistics once more over the turns that lie in the metal."""
     head = Text(f"Pass {one.number}, start {one.start_number}", style="bold")
-    parts: list[RenderableType] = [head, pitch_renderable(one.table, layout)]
+    told = [Text(what)] if (what := pass_description(one)) else []
+    parts: list[RenderableType] = [head, *told, pitch_renderable(one.table, layout)]
     if one.effective is not None and one.in_metal.any():
         turns = np.flatnonzero(one.in_metal.any(axis=0))
         parts += [Text(f"Effective thread: turns in the metal, n = {turns[0] + 1} to {turns[-1] + 1}"),

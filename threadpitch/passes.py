@@ -1,0 +1,131 @@
+"""The threading passes of a simulated lathe: pitches of their whole turns, and what the control says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from threadpitch.cycles.moves import Kind
+from threadpitch.pitch import PitchTable, Statistics, statistics
+
+CONTROLLER = "controller"  # its name in the lathe's SSD
+KINDS: tuple[Kind, ...] = ("rough", "finish", "spring")  # by the controller's pass_kind
+WORKPIECE = ("z_face", "z_start", "z_end")  # parameters of the controller
+TOLD = ("pass_kind", "cut_depth", "start_angle", "start_number", "lead", "starts")  # what it says of a pass
+TURNS_A_STEP = 8  # turns of one start angle that a PitchCalculator keeps per step
+
+FloatArray = NDArray[np.float64]
+Columns = Mapping[str, NDArray[np.generic]]
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """One threading pass: the pitches of its whole turns, and which of them lie in the metal.
+
+    What a system does not tell is None. The lead is the movement per turn, pitch = lead / starts the distance from
+    groove to groove; P(n) measures the lead.
+    """
+
+    number: int
+    start_number: int
+    table: PitchTable
+    effective: Statistics | None  # over the turns wholly in the metal; None where the system does not tell the face
+    deviation: FloatArray  # (start_angles, revolutions) m, P(n) - target
+    in_metal: NDArray[np.bool_]  # (start_angles, revolutions)
+    kind: Kind | None = None
+    depth: float | None = None  # m, radius
+    start_angle: float | None = None  # rad from the one-turn pulse
+    lead: float | None = None  # m
+    pitch: float | None = None  # m, lead / starts
+    final_flank: bool = False  # of its start, the last pass that takes metal
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPath:
+    """True positions of the tool, x as radius; m."""
+
+    time: FloatArray  # (rows,) s
+    z: FloatArray  # (rows,)
+    x: FloatArray  # (rows,)
+    threading: NDArray[np.bool_]  # (rows,)
+
+
+def find_passes(columns: Columns, calculator: str, threading: NDArray[np.bool_]) -> tuple[Pass, ...]:
+    """The passes as this calculator saw them; ``threading`` (rows,) parts them."""
+    numbered = enumerate(_stretches(threading), start=1)
+    found = [replace(one, number=number) for number, rows in numbered
+             if (one := _pass(columns, calculator, rows)) is not None]
+    last = {one.start_number: one.number for one in found if one.kind not in (None, "spring")}
+    return tuple(replace(one, final_flank=one.number == last.get(one.start_number)) for one in found)
+
+
+def _stretches(threading: NDArray[np.bool_]) -> list[slice]:
+    """Rows of every threading pass: from the first that is threading to the last before the next pass."""
+    begins = np.flatnonzero(threading & ~np.concatenate(([False], threading[:-1])))
+    ends = np.append(begins, threading.size)[1:]
+    return [slice(int(begin), int(end)) for begin, end in zip(begins, ends, strict=True)]
+
+
+def _pass(columns: Columns, calculator: str, rows: slice) -> Pass | None:
+    """The pass, not numbered yet; None where no turn was completed."""
+    count = int(columns[f"{calculator}.start_angle_count"][0])
+    turns = [_turns(columns, calculator, angle, rows) for angle in range(count)]
+    longest = max(pitch.size for pitch, _ in turns)
+    if longest == 0:
+        return None
+    pitch = np.full((count, longest), np.nan)  # (start_angles, revolutions)
+    ends = np.full((count, longest), np.nan)
+    for row, (values, positions) in enumerate(turns):
+        pitch[row, :values.size], ends[row, :values.size] = values, positions
+    starts = [float(columns[f"{calculator}.start_angle[{i + 1}]"][0]) for i in range(count)]
+    target = float(columns[f"{calculator}.pitch_target"][0])
+    in_metal = _in_metal(columns, pitch, ends)
+    effective = None if in_metal is None else statistics(np.where(in_metal, pitch, np.nan))
+    one = Pass(0, _start_number(columns, rows), PitchTable.of_pitches(pitch, starts), effective, pitch - target,
+               np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal)
+    return _described(columns, one, rows)
+
+
+def _described(columns: Columns, one: Pass, rows: slice) -> Pass:
+    """The pass with what the controller says of it."""
+    outputs = [f"{CONTROLLER}.{name}" for name in ("pass_kind", "cut_depth", "start_angle", "lead", "starts")]
+    if not all(name in columns for name in outputs):
+        return one
+    kind, depth, angle, lead, starts = (float(columns[name][rows][0]) for name in outputs)
+    return replace(one, kind=KINDS[int(kind)], depth=depth, start_angle=angle, lead=lead, pitch=lead / starts)
+
+
+def _turns(columns: Columns, calculator: str, angle: int, rows: slice) -> tuple[FloatArray, FloatArray]:
+    """(P(n), xi at the end of turn n) of one start angle: several turns may end in one step."""
+    completed = columns[f"{calculator}.completed[{angle + 1}]"][rows]
+    position = columns[f"{calculator}.crossing_position[{angle + 1}]"][rows]
+    direction = columns[f"{calculator}.direction"][rows]
+    pitches: list[float] = []
+    ends: list[float] = []
+    for row in np.flatnonzero(completed):
+        kept = [float(columns[f"{calculator}.completed_pitch[{TURNS_A_STEP * angle + turn + 1}]"][rows][row])
+                for turn in range(int(completed[row]))]
+        after = np.cumsum(kept[::-1])[::-1] - np.array(kept)  # movement of this step's later turns
+        ends += (position[row] - direction[row] * after).tolist()
+        pitches += kept
+    return np.array(pitches), np.array(ends)
+
+
+def _in_metal(columns: Columns, pitch: FloatArray, ends: FloatArray) -> NDArray[np.bool_] | None:
+    """Turns that begin behind the workpiece's face; they end before z_end because threading does."""
+    names = [f"{CONTROLLER}.{name}" for name in WORKPIECE]
+    if not all(name in columns for name in names):
+        return None
+    face, start, end = (float(columns[name][0]) for name in names)
+    sense = 1.0 if end > start else -1.0
+    begins = ends - sense * pitch
+    with np.errstate(invalid="ignore"):
+        return np.asarray(sense * (begins - face) >= 0.0)
+
+
+def _start_number(columns: Columns, rows: slice) -> int:
+    name = f"{CONTROLLER}.start_number"
+    return int(columns[name][rows][0]) if name in columns else 1
