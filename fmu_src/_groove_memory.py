@@ -24,7 +24,8 @@ class GrooveMemory:
 
     face: float = parameter("m", "Z of the workpiece's face, where the thread begins", start=0.0, display="mm")
     starts: int = parameter("1", "Starts of the thread; pitch = lead / starts", start=1, min=1, max=100)
-    groove_interval: float = parameter("rad", "Angle between the points at which the groove is kept: 288 in all",
+    groove_interval: float = parameter("rad", "Angle between the points at which the groove is kept, 288 for all "
+                                              "starts; doubled when the thread has more turns",
                                        start=0.5235987755982988, display="deg", min=1e-3, max=12.566370614359172)
 
     first_low: list[float] = state("m", "Groove kept: low end of its first V", display="mm", size=288, discrete=True)
@@ -33,6 +34,7 @@ class GrooveMemory:
     second_low: list[float] = state("m", "Groove kept: low end of its second V", display="mm", size=288, discrete=True)
     second_high: list[float] = state("m", "Groove kept: high end of its second V", display="mm", size=288,
                                      discrete=True)
+    interval: float = state("rad", "Angle between the points", display="deg", discrete=True)
     reference_known: bool = state("1", "A pass has been cut", start=False)
     reference_angle: float = state("rad", "Angle at which the first pass met the metal", display="deg", discrete=True)
     reference_z: float = state("m", "Z at which it did", display="mm", discrete=True)
@@ -46,6 +48,7 @@ class GrooveMemory:
                                min=-1, max=288)
     pending_low: float = state("m", "Its V: low end", display="mm", discrete=True)
     pending_high: float = state("m", "Its V: high end", display="mm", discrete=True)
+    advance: float = state("m", "Movement along Z from point to point", display="mm")
     left_low: list[float] = state("m", "Where the tool is: low ends of what former passes left", display="mm", size=2)
     left_high: list[float] = state("m", "Where the tool is: high ends of what former passes left", display="mm", size=2)
 
@@ -59,6 +62,7 @@ class GrooveMemory:
         for i in range(2):
             self.left_low[i] = 0.0
             self.left_high[i] = 0.0
+        self.interval = self.groove_interval
         self.reference_known = False
         self.reference_angle = 0.0
         self.reference_z = 0.0
@@ -67,6 +71,7 @@ class GrooveMemory:
         self.located = False
         self.helix = 0
         self.origin_angle = 0.0
+        self.advance = 0.0
         self.pending_point = -1
         self.pending_low = 0.0
         self.pending_high = 0.0
@@ -100,35 +105,66 @@ class GrooveMemory:
         self.located = True
 
     def _place(self, angle: float) -> float:
-        """The angle along the helix, in points."""
-        return (angle - self.origin_angle + LEAD_IN * TURN) / self.groove_interval
+        """The angle along the helix, in points; below zero where it is before the first of them."""
+        return (angle - self.origin_angle + LEAD_IN * TURN) / self.interval
 
-    def _kept(self, place: float) -> bool:
-        """Whether there are points on both sides of the place."""
-        return place >= 0.0 and place < self._points() - 1.0
+    def _thin_out(self) -> None:
+        """Every second point stays: there is room for as many turns again."""
+        points = self._points()
+        half = (points + 1) // 2
+        first = self.helix * points
+        if self.pending_point >= 0:
+            self._put_back(self.pending_point - first)
+            self.pending_point = first + (self.pending_point - first) // 2
+        for helix in range(self.starts):
+            for i in range(points):
+                to = helix * points + i
+                self.first_low[to] = self._halved(self.first_low, to, i, half)
+                self.first_high[to] = self._halved(self.first_high, to, i, half)
+                self.second_low[to] = self._halved(self.second_low, to, i, half)
+                self.second_high[to] = self._halved(self.second_high, to, i, half)
+        self.interval = 2.0 * self.interval
 
-    def _recall(self, place: float, z: float, advance: float) -> None:
+    def _put_back(self, point: int) -> None:
+        """A pending point that will not stay: the one before waits in its place, not cut yet where nothing else is."""
+        if point % 2 == 1:
+            before = self.pending_point - 1
+            self.pending_low = self.pending_low - self.advance
+            self.pending_high = self.pending_high - self.advance
+            if point + 1 >= self._points() or not self._is_cut(self.pending_point + 1):
+                self.first_high[before] = self.first_low[before]
+                self.second_high[before] = self.first_low[before]
+                self.second_low[before] = self.first_low[before]
+            self.pending_point = before
+
+    def _halved(self, values: list[float], to: int, i: int, half: int) -> float:
+        """What place ``to``, the i-th of its start, gets from the one twice as far."""
+        if i < half:
+            return values[to + i]
+        return 0.0
+
+    def _recall(self, place: float, z: float) -> None:
         """What former passes left, on straight lines between points; a groove of no width at z where nothing is.
 
         Where a pass ends between two points its groove goes on, by the tool's advance from point to point: what is
         beyond the material makes no chip.
         """
-        point = floor(place)
+        point = max(0, floor(place))
         share = place - point
         i = point + self.helix * self._points()
         j = i + 1
         beyond = 0.0
         if not self._is_cut(i):
-            beyond = (share - 1.0) * advance
+            beyond = (share - 1.0) * self.advance
             i = j
         elif not self._is_cut(j):
-            beyond = share * advance
+            beyond = share * self.advance
             j = i
         self.left_low[0] = z
         self.left_high[0] = z
         self.left_low[1] = z
         self.left_high[1] = z
-        if self._is_cut(i):
+        if place >= 0.0 and self._is_cut(i):
             self.left_low[0] = self.first_low[i] + share * (self.first_low[j] - self.first_low[i]) + beyond
             self.left_high[0] = self.first_high[i] + share * (self.first_high[j] - self.first_high[i]) + beyond
             self.left_low[1] = self.second_low[i] + share * (self.second_low[j] - self.second_low[i]) + beyond

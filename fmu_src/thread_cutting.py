@@ -6,6 +6,7 @@ from math import floor
 from threadpitch.fmu.elementary import cos, sin
 from threadpitch.fmu.variable import Experiment, Terminal, input_, output, parameter, state
 
+from ._groove_memory import TURN
 from ._materials import C45, CUSTOM, catalogue_exponent, catalogue_force, specific_force
 from ._v_groove import area_between, groove_area, groove_moment
 from ._workpiece import Workpiece
@@ -19,8 +20,7 @@ TERMINALS = (
              "Spindle and groove"),
 )
 ERRORS = {
-    1: "the thread has more turns than the groove is kept for: choose a larger groove_interval",
-    2: "shoulder must not be at the face: it is where the material ends",
+    1: "shoulder must not be at the face: it is where the material ends",
 }
 ITERATIONS = 40
 SETTLED = 1e-13  # m; deflections that change by less are found
@@ -81,7 +81,6 @@ class ThreadCutting(Workpiece):
     former_z: float = state("m", "Place of the tool there, in the workpiece", display="mm")
     former_place: float = state("1", "Angle along the helix there, in points of the groove; -1: not in the metal",
                                 start=-1.0)
-    advance: float = state("m", "Movement along Z from point to point of the groove", display="mm")
     tool_low: float = state("m", "Where the tool's V begins at the surface", display="mm")
     tool_high: float = state("m", "Where it ends", display="mm")
     axial_shift: float = state("m", "Deflection along Z, of the tool less that of the workpiece", display="um")
@@ -89,9 +88,9 @@ class ThreadCutting(Workpiece):
     chip_radius: float = state("m", "Radius at which the chip's centroid is", display="mm")
 
     def check(self) -> int:
-        """2 when there is no material, otherwise 0."""
+        """1 when there is no material, otherwise 0."""
         if self.shoulder == self.face:
-            return 2
+            return 1
         return 0
 
     def initialize(self) -> None:
@@ -110,7 +109,6 @@ class ThreadCutting(Workpiece):
         self.former_angle = self.spindle_angle
         self.former_z = self._cold(self.tool_z, 0.0)
         self.former_place = -1.0
-        self.advance = 0.0
         self._leave(self.former_z)
 
     def step(self, time: float, step_size: float) -> int:
@@ -119,16 +117,15 @@ class ThreadCutting(Workpiece):
         if not self.threading or not self.was_threading:
             self.located = False
             self.pass_start = self.former_angle
-        result = 0
         if self.threading and self._touches(z):
-            result = self._cut(z)
+            self._cut(z)
         else:
             self._end_cut()
             self._leave(z)
         self.was_threading = self.threading
         self.former_angle = self.spindle_angle
         self.former_z = z
-        return result
+        return 0
 
     def _leave(self, z: float) -> None:
         """The tool is out of the metal: no force, and no groove but the place where it would be."""
@@ -155,21 +152,20 @@ class ThreadCutting(Workpiece):
         last = max(self.face, self.shoulder)
         return half > 0.0 and z + half > first and z - half < last
 
-    def _cut(self, z: float) -> int:
-        """One communication point in the metal: 0, or 1 where the groove is not kept."""
+    def _cut(self, z: float) -> None:
+        """One communication point in the metal."""
         turned = self.spindle_angle - self.former_angle
         moved = z - self.former_z
         if not self.located:
             self._locate(self.spindle_angle, z, turned, moved)
+        self._make_room(self.spindle_angle)
         place = self._place(self.spindle_angle)
-        if not self._kept(place):
-            return 1
         low = self.tool_low
         high = self.tool_high
         self.advance = 0.0
         if turned > 0.0:
-            self.advance = moved / turned * self.groove_interval
-        self._recall(place, z, self.advance)
+            self.advance = moved / turned * self.interval
+        self._recall(place, z)
         self._deflect(z)
         self._show_forces()
         self._show_flanks()
@@ -180,15 +176,26 @@ class ThreadCutting(Workpiece):
                 share = (i - self.former_place) / (place - self.former_place)
                 self._pass_point(i, low + share * (self.tool_low - low), high + share * (self.tool_high - high))
         self.former_place = place
-        return 0
+
+    def _make_room(self, angle: float) -> None:
+        """Points for the groove up to this angle."""
+        while self._place(angle) >= self._points() - 1.0:
+            self._thin_out()
+            if self.former_place >= 0.0:
+                self.former_place = 0.5 * self.former_place
 
     def _end_cut(self) -> None:
-        """The groove goes on to the next of its points: between two points there is the same pass."""
+        """The groove goes on to the next of its points: between two points there is the same pass.
+
+        Room for a turn more is made here, where no pass is under way.
+        """
         if self.former_place >= 0.0:
             point = floor(self.former_place) + 1
             beyond = (point - self.former_place) * self.advance
             self._pass_point(point, self.tool_low + beyond, self.tool_high + beyond)
             self._keep_pending()
+            self.former_place = -1.0
+            self._make_room(self.former_angle + TURN)
         self.former_place = -1.0
 
     def _deflect(self, z: float) -> None:

@@ -124,7 +124,7 @@ def test_alternating_infeed_takes_every_bit_once() -> None:
 
 @pytest.mark.parametrize(("starts", "lead"), [(2, 3e-3), (3, 4.5e-3)])
 def test_every_start_has_its_own_groove(starts: int, lead: float) -> None:
-    cutting = ThreadCutting(**EXAMPLE, starts=starts, groove_interval=math.radians(45.0))
+    cutting = ThreadCutting(**EXAMPLE, starts=starts)
     cuts = [Cut(depth, -depth * math.tan(HALF), start, turns=6.0) for depth in DEPTHS for start in range(starts)]
     records = cut_passes(cutting, cuts, starts=starts, lead=lead)
     single = cut_passes(ThreadCutting(**EXAMPLE), along_flank(DEPTHS))
@@ -218,12 +218,19 @@ def test_no_force_outside_of_the_metal() -> None:
     assert np.abs(np.diff(record["torque"])).max() < 0.2  # the V enters and leaves the material without a jump
 
 
-def test_refusals() -> None:
-    assert ThreadCutting(shoulder=0.0).check() == 2
-    cutting = ThreadCutting(groove_interval=math.radians(10.0))
-    with pytest.raises(AssertionError):
-        cut_passes(cutting, [Cut(0.3e-3)])  # 288 points of 10 degrees are 8 turns
-    cut_passes(ThreadCutting(groove_interval=math.radians(30.0)), [Cut(0.3e-3, turns=22.0)])
+def test_no_material_is_refused() -> None:
+    assert ThreadCutting(shoulder=0.0).check() == 1
+
+
+@pytest.mark.parametrize("turns", [22.5, 45.0, 100.0])
+def test_long_threads_have_room(turns: float) -> None:
+    """288 points at 10 degrees are 8 turns; every second point is given up until the thread has room."""
+    cutting = ThreadCutting(**EXAMPLE, groove_interval=math.radians(10.0))
+    records = cut_passes(cutting, along_flank(DEPTHS[:4], turns=turns), degrees=30.0)
+    assert cutting.interval >= TURN * turns / 288
+    short = cut_passes(ThreadCutting(**EXAMPLE), along_flank(DEPTHS[:4]))
+    for record, expected in zip(records, short, strict=True):
+        assert record["cutting_force"][in_metal(record)] == pytest.approx(expected["cutting_force"][-1], rel=1e-6)
 
 
 @settings(deadline=None, max_examples=40)
