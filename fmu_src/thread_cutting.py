@@ -22,6 +22,7 @@ TERMINALS = (
 ERRORS = {
     1: "shoulder must not be at the face: it is where the material ends",
 }
+MIDDLE = 0  # values of probed_flank
 ITERATIONS = 40
 SETTLED = 1e-13  # m; deflections that change by less are found
 
@@ -39,6 +40,8 @@ class ThreadCutting(Workpiece):
     e is the angle of the profile. For radial infeed by dh: h_1 = h_2 = dh sin(e / 2); for flank infeed one flank takes
     2 dh sin(e / 2); the first chip has both. Forces count against the positive direction of their axis, as loads of
     its drive. The deflections follow the forces at once; the flanks of the groove are the outermost ones of all passes.
+    Deflection normal to one flank moves that flank by F_i q (1 / K) / cos(e / 2), and the middle by half of it or, when
+    both flanks yield alike, not at all: measure a flank (probed_flank) to see it.
     Only while threading metal is cut: after it the tool is taken to be in a relief groove. A sharp tip is supposed.
     """
 
@@ -50,7 +53,7 @@ class ThreadCutting(Workpiece):
     axial_force: float = output("N", "Force on the tool against positive Z: load of the Z drive")
     radial_force: float = output("N", "Force on the tool against positive X: load of the X drive")
     cutting_force: float = output("N", "Cutting force F_c, tangential")
-    groove_position: float = output("m", "Z of the groove: middle of its flanks where the tool is", display="mm")
+    groove_position: float = output("m", "Z of the groove where the tool is, as it is probed", display="mm")
     flank_position: list[float] = output("m", "Z where the groove's flanks meet the surface: towards -Z, towards +Z",
                                          display="mm", size=2)
     chip_thickness: list[float] = output("m", "Thickness of the chip at the flank towards -Z and towards +Z: where it "
@@ -65,6 +68,8 @@ class ThreadCutting(Workpiece):
     chip_exponent: float = parameter("1", "m_c of a custom material", start=0.25, min=0.0, max=0.9)
     profile_angle: float = parameter("rad", "Included angle e of thread and tool", start=1.0471975511965976,
                                      display="deg", min=0.1, max=2.5)
+    probed_flank: int = parameter("1", "What groove_position tells: the middle, or a flank: towards -Z, +Z",
+                                  start=MIDDLE, choices={"middle": 0, "negative_z": 1, "positive_z": 2})
     thrust_ratio: float = parameter("1", "Force normal to a flank over its cutting force", start=0.5, min=0.0, max=3.0)
     tool_axial_stiffness: float = parameter("N/m", "Axial stiffness of tool and holder", start=50e6, display="N/um",
                                             min=1e5, nominal=1e7)
@@ -300,3 +305,5 @@ class ThreadCutting(Workpiece):
         self.flank_position[0] = low
         self.flank_position[1] = high
         self.groove_position = 0.5 * (low + high)
+        if self.probed_flank != MIDDLE:
+            self.groove_position = self.flank_position[self.probed_flank - 1]

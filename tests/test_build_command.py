@@ -17,7 +17,7 @@ from threadpitch import lathe
 from threadpitch.cli import invoke
 from threadpitch.system_archive import FmuKind, build_system
 
-FMUS = {"FeedDrive.fmu", "PitchCalculator.fmu", "SpindleDrive.fmu", "ThreadingController.fmu"}
+FMUS = {"FeedDrive.fmu", "PitchCalculator.fmu", "SpindleDrive.fmu", "ThreadCutting.fmu", "ThreadingController.fmu"}
 SSP = "threading_lathe.ssp"
 
 

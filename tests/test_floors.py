@@ -14,7 +14,7 @@ FLOORS = (
     {"pitch", "cosim"},
     {"passes"},
     {"judgement", "tolerance", "lathe", "store", "parameters", "program_parameters"},
-    {"tables", "publish", "study", "system_archive"},
+    {"tables", "publish", "study", "system_archive", "faults"},
     {"report", "run_folder"},
     {"serve"},
     {"cli"},
