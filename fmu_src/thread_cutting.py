@@ -133,7 +133,7 @@ class ThreadCutting(Workpiece):
         return 0
 
     def _leave(self, z: float) -> None:
-        """The tool is out of the metal: no force, and no groove but the place where it would be."""
+        """The tool is out of the metal: no force, and the flanks are those of the tool."""
         self.groove_depth = self._sense() * (self._surface(z) - self.tool_x)
         self.torque = 0.0
         self.axial_force = 0.0
@@ -143,11 +143,11 @@ class ThreadCutting(Workpiece):
         self.axial_shift = 0.0
         self.radial_shift = 0.0
         self.chip_radius = self._surface(z)
-        self.groove_position = z
-        self.tool_low = z
-        self.tool_high = z
+        half = max(0.0, self.groove_depth) * self.flank_tangent
+        self.tool_low = z - half
+        self.tool_high = z + half
+        self._show_flanks(self.tool_low, self.tool_high)
         for i in range(2):
-            self.flank_position[i] = z
             self.chip_thickness[i] = 0.0
 
     def _touches(self, z: float) -> bool:
@@ -172,8 +172,8 @@ class ThreadCutting(Workpiece):
             self.advance = moved / turned * self.interval
         self._recall(place, z)
         self._deflect(z)
-        self._show_forces()
-        self._show_flanks()
+        self.torque = self.cutting_force * self.chip_radius
+        self._outermost_flanks()
         if self.former_place >= 0.0 and place > self.former_place:
             next_point = floor(self.former_place) + 1
             end = floor(place) + 1
@@ -291,17 +291,17 @@ class ThreadCutting(Workpiece):
             depth = max(0.0, min(self.groove_depth, moment / whole))
         self.chip_radius = self._surface(0.5 * (self.tool_low + self.tool_high)) - self._sense() * depth
 
-    def _show_forces(self) -> None:
-        """Torque on the spindle."""
-        self.torque = self.cutting_force * self.chip_radius
-
-    def _show_flanks(self) -> None:
-        """The outermost flanks of all passes, and the middle between them."""
+    def _outermost_flanks(self) -> None:
+        """The outermost flanks of all passes."""
         low = self.tool_low
         high = self.tool_high
         if self.left_high[0] > self.left_low[0]:
             low = min(low, self.left_low[0])
             high = max(high, self.left_high[1])
+        self._show_flanks(low, high)
+
+    def _show_flanks(self, low: float, high: float) -> None:
+        """The flanks, and what of them is probed."""
         self.flank_position[0] = low
         self.flank_position[1] = high
         self.groove_position = 0.5 * (low + high)

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from threadpitch.cosim.values import Given
-from threadpitch.lathe import shipped
+from threadpitch.lathe import LatheError, shipped
 
 NONE = "none"
 
 
-class FaultError(ValueError):
+class FaultError(LatheError):
     """There is no fault of this name; the message tells which there are."""
 
 

@@ -158,9 +158,10 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
                            if "completed_pitch[1]" in description.variables]
             controllers = [name for name, description in plan.descriptions.items()
                            if "z_face" in description.variables]
+            cutters = [name for name, description in plan.descriptions.items()
+                       if {"surface_radius", "groove_position"} <= description.variables.keys()]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
-        if f"{CONTROLLER}.lead" in chosen:  # another lead is another target, where none is given
-            chosen = {f"{name}.pitch_target": chosen[f"{CONTROLLER}.lead"] for name in calculators} | chosen
+        chosen = _following(chosen, calculators, cutters) | chosen
         record = ["outputs"]
         for name in calculators:
             record += [f"{name}.{variable}" for variable in ("threading", "direction", "pitch_target", "start_angle*")]
@@ -169,6 +170,14 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=record,
                                 progress=progress)
     return Simulation(result, flavor)
+
+
+def _following(chosen: Mapping[str, Given], calculators: Sequence[str], cutters: Sequence[str]) -> dict[str, Given]:
+    """Targets and workpiece of another thread of the controller, for where they are not given themselves."""
+    followers = (("lead", "pitch_target", calculators), ("x_surface", "surface_radius", cutters),
+                 ("z_face", "face", cutters), ("starts", "starts", cutters))
+    return {f"{name}.{variable}": chosen[f"{CONTROLLER}.{source}"] for source, variable, names in followers
+            for name in names if f"{CONTROLLER}.{source}" in chosen}
 
 
 def choose_flavor(flavor: str | None = None) -> str:

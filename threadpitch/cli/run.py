@@ -13,6 +13,7 @@ from threadpitch import cosim, lathe
 from threadpitch.cli.options import AsJson, Flavor, StartAngles, number, radians
 from threadpitch.cli.printing import complain, fail, print_json, printing, progress
 from threadpitch.cosim.values import Given
+from threadpitch.faults import fault_names, read_fault
 from threadpitch.parameters import read_assignments, read_parameters
 from threadpitch.run_folder import check_folder, run_document, save_run
 from threadpitch.tables import show_pass
@@ -29,6 +30,9 @@ def run(
                                                 "unit such as 10mm, 300rpm, 45deg; choices by name.")] = None,
     parameters: Annotated[list[Path] | None, typer.Option(
         metavar="FILE", help="Parameter file: .ssv, .toml or .json; --set wins over it.")] = None,
+    fault: Annotated[str | None, typer.Option(
+        metavar="NAME", help=f"A fault of the library on a lathe without others: {', '.join(fault_names())}. "
+                             "Files and --set win over it.")] = None,
     start_angle: StartAngles = None,
     stop_time: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="Stop time in s.", show_default="of the system")] = None,
@@ -41,7 +45,10 @@ def run(
 ) -> None:
     """Simulate a lathe that cuts a thread, and print the movement per revolution."""
     check_folder(output)
-    values: dict[str, Given] = {}
+    chosen = None if fault is None else read_fault(fault)
+    values: dict[str, Given] = {} if chosen is None else dict(chosen.parameters)
+    if chosen is not None and stop_time is None:
+        stop_time = chosen.stop_time
     for file in parameters or []:
         values |= read_parameters(file)
     values |= read_assignments(assignments or [])
@@ -59,6 +66,8 @@ def run(
         if as_json:
             print_json(run_document(simulation))
         else:
+            if chosen is not None:
+                print(f"Fault {chosen.name} ({chosen.cause}): {chosen.description}\nSignature: {chosen.signature}\n")
             _show(simulation, saved)
     for warning in simulation.result.warnings:
         complain(f"warning: {warning}")
