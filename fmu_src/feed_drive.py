@@ -18,7 +18,9 @@ ERRORS = {
     3: "position_period must be a whole multiple of velocity_period",
     4: "command_period must be a whole multiple of velocity_period",
     5: "a linear motor has no motor encoder: set detector to linear_scale",
+    6: "more than 100000 velocity periods in one communication step: choose a smaller step size",
 }
+PERIODS_A_STEP = 100000
 MOTOR_ENCODER = 1
 LINEAR_SCALE = 2
 
@@ -109,6 +111,8 @@ class FeedDrive(FeedMechanics):
         if self.drive_type == IDEAL:
             self._follow(step_size)
             return 0
+        if step_size > PERIODS_A_STEP * self.velocity_period:
+            return 6
         end = time + step_size
         near = SAME_INSTANT * self.velocity_period
         if self.next_sample < 0.0:

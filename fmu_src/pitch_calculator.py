@@ -24,6 +24,8 @@ TURNS_A_STEP = 8  # largest number of turns that one step may complete
 NEAR = 1e-9  # turns or samples: angles closer than this are one
 ROUNDING = 2e-15  # of an angle that was converted from counts
 SAMPLES_A_STEP = 72  # largest number of samples that one step may pass
+LINEAR = 0  # values of crossing_estimate
+CUBIC = 1
 
 
 @dataclass
@@ -32,11 +34,12 @@ class PitchCalculator:
 
     P(n) = xi(theta_S + 2 pi n) - xi(theta_S + 2 pi (n - 1)),  n = 1, 2, ...        (seed: US 2016/0008901, formula 2)
 
-    xi(theta) is interpolated linearly between two communication points; theta_S counts from the one-turn pulse, and
-    n = 1 begins at its first crossing after threading began. Threading began inside the step where the spindle passed
-    threading_angle (connect it to the controller's start_angle); where that is not in sight, with the step. Jitter of
-    the angle backwards changes nothing: a crossing is found once. The results of a pass stay until the next one
-    begins. P(n) is positive in the direction of feed.
+    xi(theta) between two communication points is a straight line, or, with crossing_estimate = cubic, the cubic through
+    them and the two before, as far as they lie in the same pass and the angle rose. theta_S counts from the one-turn
+    pulse, and n = 1 begins at its first crossing after threading began. Threading began inside the step where the
+    spindle passed threading_angle (connect it to the controller's start_angle); where that is not in sight, with the
+    step. Jitter of the angle backwards changes nothing: a crossing is found once. The results of a pass stay until the
+    next one begins. P(n) is positive in the direction of feed.
     """
 
     spindle_angle: float = input_("rad", "Spindle angle theta, continuous", display="deg")
@@ -83,12 +86,21 @@ class PitchCalculator:
     sample_interval: float = parameter("rad", "Interval of the samples xi(theta)", start=0.17453292519943295,
                                        display="deg", min=1e-4, max=6.283185307179587)
 
+    crossing_estimate: int = parameter("1", "xi between two communication points; cubic is for angles and positions "
+                                            "without quantisation", start=LINEAR, choices={"linear": LINEAR,
+                                                                                           "cubic": CUBIC})
+
     direction: float = state("1", "Direction of the cut of this pass, 0 while not known", discrete=True)
     was_threading: bool = state("1", "Threading at the former communication point", start=False)
     former_angle: float = state("rad", "Furthest angle so far", display="deg", discrete=True)
     former_time: float = state("s", "Time of the former communication point, or when threading began", discrete=True)
     step_end: float = state("s", "End of the newest step", discrete=True)
     former_position: float = state("m", "Newest position at the furthest angle", display="mm", discrete=True)
+    past_angle: list[float] = state("rad", "Angles at the two communication points before, newest first", display="deg",
+                                    size=2, discrete=True)
+    past_position: list[float] = state("m", "xi there", display="mm", size=2, discrete=True)
+    past_time: list[float] = state("s", "Their times", size=2, discrete=True)
+    past_count: int = state("1", "How many of them there are in this pass", start=0, min=0, max=2, discrete=True)
     first_crossing: list[float] = state("rad", "First angle theta_S + 2 pi k since threading began", display="deg",
                                         size=8, discrete=True)
     crossings: list[int] = state("1", "Crossings since threading began", start=0, size=8, min=0, max=2147483647,
@@ -129,6 +141,7 @@ class PitchCalculator:
         result = 0
         if self.threading and self.spindle_angle >= self.former_angle:
             result = self._advance()
+        self._remember()
         self.was_threading = self.threading
         if self.spindle_angle >= self.former_angle or not self.threading:
             self.former_angle = self.spindle_angle
@@ -153,22 +166,56 @@ class PitchCalculator:
         return self.former_angle
 
     def _position_at(self, angle: float) -> float:
-        """xi at an angle of this step, on the line between its two communication points."""
+        """xi at an angle of this step."""
         if self.spindle_angle <= self.former_angle:
             return self.feed_position
         share = (angle - self.former_angle) / (self.spindle_angle - self.former_angle)
-        return self.former_position + (self.feed_position - self.former_position) * share
+        return (self.former_position + (self.feed_position - self.former_position) * share
+                + self._bend(angle, self.feed_position, self.former_position, self.past_position[0],
+                             self.past_position[1]))
 
     def _time_at(self, angle: float) -> float:
-        """Time at an angle of this step, the spindle turning evenly."""
+        """Time at an angle of this step."""
         if self.spindle_angle <= self.former_angle:
             return self.step_end
         share = (angle - self.former_angle) / (self.spindle_angle - self.former_angle)
-        return self.former_time + (self.step_end - self.former_time) * share
+        return (self.former_time + (self.step_end - self.former_time) * share
+                + self._bend(angle, self.step_end, self.former_time, self.past_time[0], self.past_time[1]))
+
+    def _bend(self, angle: float, newest: float, former: float, second: float, third: float) -> float:
+        """What the polynomial through three or four points has beyond the line through the newest two.
+
+        (a - a0)(a - a1) (d012 + (a - a2) d0123), Newton's form; a0 is the newest angle, d are divided differences.
+        """
+        if self.crossing_estimate != CUBIC or self.past_count == 0:
+            return 0.0
+        slope = (newest - former) / (self.spindle_angle - self.former_angle)
+        former_slope = (former - second) / (self.former_angle - self.past_angle[0])
+        bend = (slope - former_slope) / (self.spindle_angle - self.past_angle[0])
+        if self.past_count > 1:
+            second_slope = (second - third) / (self.past_angle[0] - self.past_angle[1])
+            former_bend = (former_slope - second_slope) / (self.former_angle - self.past_angle[1])
+            change = (bend - former_bend) / (self.spindle_angle - self.past_angle[1])
+            bend = bend + (angle - self.past_angle[0]) * change
+        return (angle - self.spindle_angle) * (angle - self.former_angle) * bend
+
+    def _remember(self) -> None:
+        """The former communication point becomes the newest of the past; where the angle did not rise there is none."""
+        if not self.threading or self.spindle_angle <= self.former_angle:
+            self.past_count = 0
+        else:
+            self.past_angle[1] = self.past_angle[0]
+            self.past_position[1] = self.past_position[0]
+            self.past_time[1] = self.past_time[0]
+            self.past_angle[0] = self.former_angle
+            self.past_position[0] = self.former_position
+            self.past_time[0] = self.former_time
+            self.past_count = min(self.past_count + 1, 2)
 
     def _restart(self, edge: float) -> None:
         """A new pass: every start angle waits for its first crossing at or after the edge."""
         self.threading_start = edge
+        self.past_count = 0
         self.first_position = self._position_at(edge)
         self.direction = 1.0 * self.feed_direction
         self.sample_count = 0

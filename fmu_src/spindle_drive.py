@@ -15,8 +15,10 @@ TERMINALS = (
 ERRORS = {
     1: "the spindle's speed or angle is no longer finite: choose a smaller internal_step or a lower speed_gain",
     2: "internal_step must not be longer than loop_period",
+    3: "more than 100000 loop periods in one communication step: choose a smaller step size",
 }
 TURN = 2.0 * pi
+PERIODS_A_STEP = 100000
 RIPPLES = 4
 IDEAL = 0
 ENCODER = 1
@@ -141,6 +143,8 @@ class SpindleDrive:
 
     def step(self, time: float, step_size: float) -> int:
         """From instant to instant of the speed loop: sample, then integrate the plant to the next one or the end."""
+        if step_size > PERIODS_A_STEP * self.loop_period:
+            return 3
         end = time + step_size
         near = SAME_INSTANT * self.loop_period
         if self.next_sample < 0.0:

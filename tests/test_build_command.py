@@ -12,8 +12,9 @@ from fmpy import read_model_description
 from fmpy.ssp.ssd import read_ssd, read_ssv
 from fmpy.validation import validate_fmu
 
+from tests.fmu.own import write_model
 from tests.plain_system import read_plan
-from threadpitch import lathe
+from threadpitch import cosim, lathe
 from threadpitch.cli import invoke
 from threadpitch.system_archive import FmuKind, build_system
 
@@ -47,6 +48,15 @@ def lathe_class(path: Path) -> str:
 def test_a_named_model_is_built_alone(tmp_path: Path) -> None:
     assert invoke(["build", str(lathe.model_file("PitchCalculator")), "--output", str(tmp_path)]) == 0
     assert [path.name for path in tmp_path.iterdir()] == ["PitchCalculator.fmu"]
+
+
+def test_two_models_of_one_name_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = write_model(tmp_path / "a.py", "self.n = 1"), write_model(tmp_path / "b.py", "self.n = 2")
+    assert invoke(["build", str(first), str(second), "--output", str(tmp_path / "fmus")]) == 2
+    assert (f"{second}: the model Probe is in {first} too, and both would be written to Probe.fmu; rename one"
+            in capsys.readouterr().err)
+    assert not (tmp_path / "fmus").exists()
+    assert invoke(["build", str(first), str(first), "--output", str(tmp_path / "fmus")]) == 0
 
 
 def test_fmpy_finds_no_fault_in_any_fmu(built: Path) -> None:
@@ -139,3 +149,23 @@ def test_bindings_of_components_and_foreign_files_are_packed_too(tmp_path: Path)
     assert values["viscous_friction"] == 0.03
     settings = {(one.component, one.variable.name): one.value for one in read_plan(path).settings}
     assert settings == {(one.component, one.variable.name): one.value for one in read_plan(source).settings}
+
+
+def test_the_ssp_tells_omsimulator_its_master_and_keeps_what_others_noted(tmp_path: Path) -> None:
+    """As OMSimulator 2 and 3 look for it: the first annotation, ``oms:Annotations``, one element with both forms."""
+    source = tmp_path / "noted"
+    shutil.copytree(lathe.find_system(lathe.DEFAULT_SYSTEM), source)
+    ssd = source / "SystemStructure.ssd"
+    note = ('<ssd:Annotations><ssc:Annotation type="com.example"><note xmlns="urn:example">left</note></ssc:Annotation>'
+            "</ssd:Annotations>")
+    ssd.write_text(ssd.read_text(encoding="utf-8").replace("</ssd:System>", f"{note}</ssd:System>"), encoding="utf-8")
+    path = build_system(source, tmp_path / "out", FmuKind(lathe.choose_flavor()))
+    with cosim.read_system(path) as structure:  # keeps the schema
+        assert structure.step_size == 1e-3
+        assert [(found.owner, found.type) for found in structure.annotations] == [
+            ("", "org.openmodelica"), ("", "com.example"), ("DefaultExperiment", "org.openmodelica")]
+        master, other, experiment = (found.content for found in structure.annotations)
+    assert 'oms:SimulationInformation name="oms_ma_default" method="oms_ma" fixedStepSize="0.001"' in master
+    assert '<oms:FixedStepMaster description="oms-ma" stepSize="0.001"' in master
+    assert ">left</" in other
+    assert 'resultFile="threading_lathe_res.mat"' in experiment

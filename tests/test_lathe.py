@@ -162,6 +162,7 @@ class Recorded(dict[str, NDArray[np.generic]]):
         self.time = np.arange(float(rows))
         self.steps = rows - 1
         self.wall_time = 0.0
+        self.watched = None
         flat = dict.fromkeys((f"calculator.completed_pitch[{turn}]" for turn in range(1, 9)), np.zeros(rows))
         super().__init__({
             **flat,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 import runpy
+import shlex
 from pathlib import Path
 
 import pytest
 
-from threadpitch.cli import invoke
+from threadpitch.cli import app, invoke
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -30,10 +31,10 @@ def test_every_command_runs(workplace: Path, capsys: pytest.CaptureFixture[str])
     commands = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("threadpitch ")]
     assert len(commands) >= 6
     for command in commands:
-        assert invoke(command.split()[1:]) == 0, command
+        assert invoke(shlex.split(command)[1:]) == 0, command
         captured = capsys.readouterr()
         assert captured.out
-        assert captured.err == ""
+        assert all(line.startswith("threadpitch: note: ") for line in captured.err.splitlines()), captured.err
     assert (workplace / "threadpitch-run" / "trace.csv").is_file()
 
 
@@ -50,20 +51,38 @@ def test_parameter_file_example_runs(workplace: Path) -> None:
     assert invoke(["run", "--parameters", "gains.toml", "--stop-time", "0.6"]) == 0
 
 
-def test_model_of_the_page_about_own_models_is_built(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_models_of_the_page_about_own_models_are_built(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = (ROOT / "docs" / "own_model.md").read_text(encoding="utf-8")
-    (name, text), = re.findall(r"<!-- model: (\S+) -->\n```python\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
-    (workplace / name).write_text(text, encoding="utf-8")
+    models = re.findall(r"<!-- model: (\S+) -->\n```python\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
+    assert len(models) == 2
+    for name, text in models:
+        (workplace / name).write_text(text, encoding="utf-8")
     commands = re.findall(r"^threadpitch (.*)", page, flags=re.MULTILINE)
     assert len(commands) == 2
     for command in commands:
         assert invoke(command.split()) == 0, capsys.readouterr().err
     assert sorted(path.name for path in (workplace / "fmus").rglob("*.fmu")) == ["ThermalSpindle.fmu"] * 2
+    capsys.readouterr()
+    for options in ([], ["--fmi", "3"], ["--flavor", "python"]):
+        assert invoke(["build", *(name for name, _ in models), "--output", "fmus", "--check", *options]) == 0
+        told = capsys.readouterr()
+        assert "all agree" in told.out
+        assert told.err == ""
+
+
+def test_what_the_page_about_own_models_says_may_not_be_written_is_refused(workplace: Path) -> None:
+    page = (ROOT / "docs" / "own_model.md").read_text(encoding="utf-8")
+    text = re.findall(r"<!-- model: thermal_spindle.py -->\n```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[0]
+    for wrong in ("x = self.heat**2", "x = self.heat // 2.0", "x = self.heat % 2.0", "print(self.heat)",
+                  "self.growth = 1", "NAN = 1.0"):
+        (workplace / "wrong.py").write_text(text.replace("        rate = ", f"        {wrong}\n        rate = "))
+        assert invoke(["build", "wrong.py"]) == 2, wrong
 
 
 def test_links_lead_somewhere() -> None:
-    for target in re.findall(r"\]\(([^)#]+)\)", README):
-        assert (ROOT / target).exists(), target
+    for page in (ROOT / "README.md", ROOT / "docs" / "own_model.md"):
+        for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), target
 
 
 def test_page_of_the_models_is_current() -> None:
@@ -71,9 +90,16 @@ def test_page_of_the_models_is_current() -> None:
     assert (ROOT / "docs" / "models.md").read_text(encoding="utf-8") == page(), "run python docs/write_models.py"
 
 
+def test_page_of_the_units_is_current() -> None:
+    page = runpy.run_path(str(ROOT / "docs" / "write_units.py"))["page"]
+    assert (ROOT / "docs" / "units.md").read_text(encoding="utf-8") == page(), "run python docs/write_units.py"
+
+
 def test_every_option_is_in_the_readme(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
-    for command in ("run", "analyze", "build"):
+    commands = [str(getattr(one.callback, "__name__", "")) for one in app.registered_commands]
+    assert {"run", "analyze", "build", "cycle"} <= set(commands)
+    for command in commands:
         assert invoke([command, "--help"]) == 0
         for option in set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out)) - {"--help"}:
             assert option in README, f"{command} {option}"

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from threadpitch import lathe
-from threadpitch.cosim import recording
+from threadpitch import cosim, lathe
 from threadpitch.run_folder import FILES, HEADER, check_folder, run_document, save_run
 from threadpitch.tables import pass_text
 
@@ -150,7 +149,7 @@ def test_a_full_disk_leaves_what_was_there(short_run: lathe.Simulation, tmp_path
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(recording.Result, "_block", full)
+    monkeypatch.setattr(cosim.Result, "_write_csv", full)
     with pytest.raises(OSError, match=r"out: cannot be written \(.*\); choose another folder with --output"):
         save_run(short_run, folder)
     assert names_in(tmp_path) == ({"out"} if existing else set())

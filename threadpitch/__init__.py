@@ -1,6 +1,7 @@
 """threadpitch: the movement of the feed per spindle revolution, from machine logs and from FMU co-simulation.
 
-``thread_pitch(angle, position)`` gives P(n) of a recording, ``simulate(system)`` cuts a thread.
+``thread_pitch(angle, position)`` gives P(n) of a recording, ``simulate(system)`` cuts a thread, ``judge(nominal,
+measured)`` tells where its pitches' fluctuation comes from.
 """
 
 from __future__ import annotations
@@ -10,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from threadpitch.judgement import Verdict, judge
     from threadpitch.lathe import Simulation, simulate
     from threadpitch.pitch import PitchTable, thread_pitch
 
-__all__ = ["PitchTable", "Simulation", "__version__", "simulate", "thread_pitch"]
+__all__ = ["PitchTable", "Simulation", "Verdict", "__version__", "judge", "simulate", "thread_pitch"]
 
 _HOMES = {"Simulation": "threadpitch.lathe", "simulate": "threadpitch.lathe", "PitchTable": "threadpitch.pitch",
-          "thread_pitch": "threadpitch.pitch"}
+          "thread_pitch": "threadpitch.pitch", "Verdict": "threadpitch.judgement", "judge": "threadpitch.judgement"}
 
 
 def __getattr__(name: str) -> Any:

@@ -7,8 +7,10 @@ the pitches in what was recorded.
 from __future__ import annotations
 
 import functools
+import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace as replaced
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +21,9 @@ from threadpitch.cosim.master import Progress
 from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
 from threadpitch.fmu import available_compiler, cached_fmu
-from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE, Pass, ToolPath, find_passes
+from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE, FloatArray, Pass, ToolPath, find_passes
 from threadpitch.pitch import PitchTable
+from threadpitch.replacement import replacements
 from threadpitch.units import from_si
 
 DEFAULT_SYSTEM = "models/threading_lathe"
@@ -43,9 +46,28 @@ class Simulation(Mapping[str, cosim.recording.Column]):
     def __init__(self, result: cosim.Result, flavor: str) -> None:
         self.result = result
         self.flavor = flavor
-        self.time = result.time
         self.steps = result.steps
         self.wall_time = result.wall_time
+        self._turning = result if result.watched is None else result.watched  # rows in which turns end, or all
+        self._numbers: tuple[int, ...] = ()
+        self._final: frozenset[int] = frozenset()
+
+    def numbered(self, numbers: Sequence[int], final: Iterable[int]) -> Simulation:
+        """The same, its passes with the numbers that a program gives them; ``final`` make the final flanks."""
+        other = Simulation(self.result, self.flavor)
+        other._numbers, other._final = tuple(numbers), frozenset(final)
+        return other
+
+    @property
+    def time(self) -> FloatArray:
+        """Communication points, (rows,) s."""
+        return self.result.time
+
+    @property
+    def simulated(self) -> float:
+        """The time that was computed, s."""
+        schedule = self.result.schedule
+        return round(schedule.time(self.steps) - schedule.start_time, 12)
 
     def __getitem__(self, name: str) -> cosim.recording.Column:
         return self.result[name]
@@ -63,7 +85,7 @@ class Simulation(Mapping[str, cosim.recording.Column]):
     def calculators(self) -> tuple[str, ...]:
         """The components that calculate pitches, by their variables; the nominal one first where there is one."""
         mark = ".completed_pitch[1]"
-        names = [name.removesuffix(mark) for name in self.result if name.endswith(mark)]
+        names = [name.removesuffix(mark) for name in self._turning if name.endswith(mark)]
         return tuple(sorted(names, key=lambda name: name != NOMINAL))
 
     @functools.cached_property
@@ -79,7 +101,22 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         """
         if calculator not in self.calculators:
             raise LatheError(f"component {calculator!r} calculates no pitches{nearest(calculator, self.calculators)}")
-        return find_passes(self.result, calculator, self._threading())
+        found = find_passes(self._turning, calculator, self._threading())
+        if not self._numbers:
+            return found
+        return tuple(replaced(one, number=number, final_flank=number in self._final)
+                     for one, number in ((one, self._numbers[one.number - 1]) for one in found))
+
+    def axis_too_slow(self) -> str:
+        """What to say where lead x speed is more than the Z axis does; nothing where it is not, or not told."""
+        names = [f"{CONTROLLER}.lead", f"{CONTROLLER}.commanded_speed", f"{Z_DRIVE}.speed_limit"]
+        if not all(name in self._turning for name in names):
+            return ""
+        lead, speed, limit = (float(self._turning[name][0]) for name in names)
+        if lead * speed / (2.0 * math.pi) <= limit:
+            return ""
+        return (f"{from_si(lead, 'mm'):.6g} mm a turn at {from_si(speed, 'rpm'):.6g} rpm is more than the Z axis does; "
+                f"turn at most {from_si(2.0 * math.pi * limit / lead, 'rpm'):.0f} rpm")
 
     @property
     def tool_path(self) -> ToolPath:
@@ -112,11 +149,11 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         if not self.calculators:
             return "no component of this system calculates pitches; add a PitchCalculator to it"
         threading = self._threading()
-        stop = float(self.time[-1])
+        stop = self.result.schedule.time(self.steps)
         if not threading.any():
             mend = self._why_not_at_speed() or "choose a longer stop time"
             return f"no threading until the stop at {stop:g} s; {mend}"
-        began = float(self.time[int(np.argmax(threading))])
+        began = float(self._turning.time[int(np.argmax(threading))])
         return f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; choose a longer stop time"
 
     def _why_not_at_speed(self) -> str:
@@ -132,19 +169,25 @@ class Simulation(Mapping[str, cosim.recording.Column]):
 
     def _threading(self) -> NDArray[np.bool_]:
         """(rows,) whether the first calculator's input said threading."""
-        return np.asarray(self.result[f"{self.calculators[0]}.threading"], dtype=np.bool_)
+        return np.asarray(self._turning[f"{self.calculators[0]}.threading"], dtype=np.bool_)
 
 
 def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Given] | None = None,
              start_angles: Sequence[float] | None = None, stop_time: float | None = None,
              step_size: float | None = None, flavor: str | None = None,
-             progress: Progress | None = None) -> Simulation:
+             replace: Mapping[str, str | Path] | None = None, record: Iterable[str] | None = None,
+             record_every: int = 1, record_on: Iterable[str] = (), results: str | Path | None = None,
+             checkpoint: str | Path | None = None, checkpoint_every: float = 60.0,
+             isolate: bool | Iterable[str] = False, progress: Progress | None = None) -> Simulation:
     """Simulate a lathe: a folder with SystemStructure.ssd, an .ssd or an .ssp, or a shipped one such as the default.
 
     ``parameters`` maps ``component.variable`` to a number (SI), a truth value or a text with a unit ("10mm").
     ``start_angles`` (start_angles,) rad, up to 8, go to every pitch calculator. Times are seconds; what is None comes
     from the system. FMUs that the system names and that do not lie beside it are built from ``fmu_src``,
-    in the flavor "native" or "python"; None takes native FMUs where a C compiler is found.
+    in the flavor "native" or "python"; None takes native FMUs where a C compiler is found. ``replace`` names by
+    component another .fmu, or a model file (.py), which is built. What is recorded (default:
+    all outputs and what the passes are found by), where it goes, checkpoints and isolation are those of
+    ``cosim.simulate``; the passes are found whatever is recorded.
 
     Raises:
         LatheError: too many start angles.
@@ -152,24 +195,59 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         fmu.BuildError: an FMU cannot be built in this flavor.
     """
     flavor = choose_flavor(flavor)
-    with cosim.read_system(find_system(system), locate=functools.partial(locate_fmu, flavor)) as structure:
+    chosen_fmus = replacements(replace or {}, flavor)
+    with cosim.read_system(find_system(system), locate=functools.partial(locate_fmu, flavor),
+                           replace=chosen_fmus) as structure:
         with cosim.prepare(structure) as plan:
             calculators = [name for name, description in plan.descriptions.items()
                            if "completed_pitch[1]" in description.variables]
             controllers = [name for name, description in plan.descriptions.items()
-                           if "z_face" in description.variables]
+                           if {"z_face", "start_number"} <= description.variables.keys()]
             cutters = [name for name, description in plan.descriptions.items()
                        if {"surface_radius", "groove_position"} <= description.variables.keys()]
+            limits = [f"{component}.{name}" for component, name in ((CONTROLLER, "commanded_speed"),
+                                                                    (Z_DRIVE, "speed_limit"))
+                      if component in plan.descriptions and name in plan.descriptions[component].variables]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
         chosen = _following(chosen, calculators, cutters) | chosen
-        record = ["outputs"]
-        for name in calculators:
-            record += [f"{name}.{variable}" for variable in ("threading", "direction", "pitch_target", "start_angle*")]
-        for name in controllers:
-            record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
-        result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=record,
-                                progress=progress)
+        watch = _watch(calculators, controllers, limits)
+        wanted = ("outputs", *watch.record, *watch.on) if record is None else record
+        result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
+                                record_every=record_every, record_on=record_on, watch=watch, results=results,
+                                checkpoint=checkpoint, checkpoint_every=checkpoint_every, isolate=isolate,
+                                progress=progress, about={
+                                    "flavor": flavor, "replace": {name: str(path.absolute()) for name, path
+                                                                  in chosen_fmus.items()}})
     return Simulation(result, flavor)
+
+
+def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: Progress | None = None) -> Simulation:
+    """Go on with a simulation from the checkpoint that it wrote, to the same bits as if it had never ended.
+
+    ``stop_time`` may be later than that of the simulation.
+
+    Raises:
+        cosim.CosimError: the file is no checkpoint, the system or its FMUs have changed, or a component fails.
+    """
+    metadata = cosim.read_checkpoint(checkpoint).metadata
+    flavor = choose_flavor(metadata["about"].get("flavor"))
+    with cosim.read_system(metadata["system"] or "", locate=functools.partial(locate_fmu, flavor),
+                           replace=metadata["about"].get("replace")) as structure:
+        result = cosim.resume(checkpoint, system=structure, stop_time=stop_time, progress=progress)
+    return Simulation(result, flavor)
+
+
+def _watch(calculators: Sequence[str], controllers: Sequence[str], limits: Sequence[str]) -> cosim.Watch:
+    """What tells of every turn: the calculators' results when a turn ends or threading begins or ends."""
+    record, on = [], []
+    for name in calculators:
+        record += [f"{name}.{variable}" for variable in ("direction", "pitch_target", "start_angle*", "completed*",
+                                                         "crossing_position*")]
+        on += [f"{name}.{variable}" for variable in ("threading", "completed[*", "revolution*")]
+    for name in controllers:
+        record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
+    record += limits
+    return cosim.Watch(tuple(record), tuple(on))
 
 
 def _following(chosen: Mapping[str, Given], calculators: Sequence[str], cutters: Sequence[str]) -> dict[str, Given]:

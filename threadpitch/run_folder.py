@@ -27,7 +27,7 @@ def run_document(simulation: Simulation) -> dict[str, object]:
     return {
         "passes": [_pass_record(one) for one in simulation.passes],
         "steps": simulation.steps,
-        "simulated_s": round(float(simulation.time[-1] - simulation.time[0]), 12),
+        "simulated_s": simulation.simulated,
         "wall_s": simulation.wall_time,
         "flavor": simulation.flavor,
     }
@@ -56,7 +56,7 @@ def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
     """Write ``trace.csv``, ``pitch.csv``, ``tables.txt`` and ``result.json`` into a folder (made if need be).
 
     All are written aside first, so that the folder never holds half of a run; of a former run in the folder the
-    files of these names are replaced, others stay.
+    files of these names are replaced, others stay. There is no ``trace.csv`` of a run whose results went to a file.
 
     Raises:
         OSError: the folder cannot be written.
@@ -70,9 +70,13 @@ def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
         temporary = Path(tempfile.mkdtemp(prefix=_TEMPORARY, dir=place))
         try:
             _write_files(simulation, temporary)
+            written = [name for name in FILES if (temporary / name).exists()]
             if place is folder:
                 for name in FILES:
-                    os.replace(temporary / name, folder / name)
+                    if name in written:
+                        os.replace(temporary / name, folder / name)
+                    else:
+                        (folder / name).unlink(missing_ok=True)
             else:
                 temporary.chmod(0o755)  # mkdtemp makes folders that only their owner can enter
                 os.replace(temporary, folder)
@@ -80,7 +84,7 @@ def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
             shutil.rmtree(temporary, ignore_errors=True)
     except OSError as error:
         raise _unwritable(folder, error) from error
-    return [folder / name for name in FILES]
+    return [folder / name for name in written]
 
 
 def _unwritable(folder: Path, error: OSError) -> OSError:
@@ -88,7 +92,8 @@ def _unwritable(folder: Path, error: OSError) -> OSError:
 
 
 def _write_files(simulation: Simulation, folder: Path) -> None:
-    simulation.result.save(folder)
+    if simulation.result.path is None:
+        simulation.result.save(folder)
     _write_pitches(simulation, folder / "pitch.csv")
     text = "\n".join(pass_text(one) for one in simulation.passes)
     (folder / "tables.txt").write_text(text, encoding="utf-8")

@@ -21,7 +21,8 @@ from threadpitch import cosim, lathe
 from threadpitch.cosim import master
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.recording import Recorder
-from threadpitch.cosim.simulation import choose_channels, choose_schedule, instantiate
+from threadpitch.cosim.selection import choose_channels
+from threadpitch.cosim.simulation import choose_schedule, instantiate
 from threadpitch.fmu import available_compiler
 
 REPEATS = 3

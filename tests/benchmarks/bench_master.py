@@ -31,7 +31,8 @@ from threadpitch.cosim.engine import choose_engine
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.recording import Recorder
 from threadpitch.cosim.schedule import Schedule
-from threadpitch.cosim.simulation import choose_channels, instantiate
+from threadpitch.cosim.selection import choose_channels
+from threadpitch.cosim.simulation import instantiate
 from threadpitch.cosim.system import Component, Connection, System
 from threadpitch.fmu import cached_fmu
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from threadpitch.cosim.method import Method
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.recording import Channel, Recorder
 from threadpitch.cosim.schedule import Schedule
+from threadpitch.cosim.state_slot import SerializedSlot, Slot
 from threadpitch.cosim.variable import FmuVariable
 from threadpitch.units import Unit
 
@@ -85,6 +87,15 @@ class FunctionInstance:
 
     def do_step(self, time: float, step_size: float) -> None:
         self.function(self.state, time, step_size)
+
+    def save_state(self) -> bytes:
+        return json.dumps([self.state, self.calls]).encode()
+
+    def load_state(self, serialized: bytes) -> None:
+        self.state, self.calls = json.loads(serialized)
+
+    def slot(self) -> Slot:
+        return SerializedSlot(self)
 
     def terminate(self) -> None:
         self.calls.append("terminate")

@@ -100,7 +100,6 @@ def test_a_connection_may_be_written_backwards() -> None:
     ("given.position", "taker.path", "no component 'given'; did you mean giver?"),
     ("giver.position", "taker.pat", "did you mean path"),
     ("giver.gain", "taker.path", "joins parameter to input; data go from an output to an input"),
-    ("giver.state", "taker.path", "joins local to input"),
     ("giver.position", "giver.speed", "joins output to output"),
     ("giver.count", "taker.path", "joins Integer to Real"),
     ("giver.on", "taker.number", "joins Boolean to Integer"),

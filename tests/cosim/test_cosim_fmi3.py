@@ -11,7 +11,7 @@ import pytest
 
 from threadpitch.cosim import StepError, SystemStructureError, simulate
 from threadpitch.cosim.description import read_fmu
-from threadpitch.cosim.system import Component, Connection, System
+from threadpitch.cosim.system import Component, Connection, System, Table
 
 Factory = Callable[..., Path]
 engines = pytest.mark.parametrize("engine", ["python", "kernel"])
@@ -93,7 +93,7 @@ def test_fmi_2_and_fmi_3_are_joined(probe_fmu: Path, probe3_fmu: Path, engine: s
     ("int64_out", "int32_in", "joins Int64 to Int32, which does not hold all of its values"),
     ("int8_out", "uint16_in", "joins Int8 to UInt16, which does not hold all of its values"),
     ("truth_out[1]", "u", "joins Boolean to Float64"),
-    ("v", "w", "has no variable 'v'"),
+    ("v", "u", "joins 3 values to 1; arrays must have equal sizes"),
 ])
 def test_what_does_not_fit_is_refused(probe3_fmu: Path, start: str, end: str, message: str) -> None:
     with pytest.raises(SystemStructureError) as error:
@@ -160,3 +160,27 @@ def test_an_fmu_that_does_not_instantiate_tells_why(make_fmu3: Factory, tmp_path
     other = make_fmu3(tmp_path / "Other.fmu", lambda text: text.replace('Token="probe3"', 'Token="other"'))
     with pytest.raises(StepError, match=r"a: Other.fmu cannot be instantiated: wrong token"):
         simulate(system(a=other), stop_time=1.0)
+
+
+@engines
+def test_tables_of_values_are_looked_up(probe_fmu: Path, probe3_fmu: Path, engine: str) -> None:
+    """Both engines map whole numbers of any width, and truth values of both FMI versions; the rest stays."""
+    numbers, truth = Table("Integer", (("-3", "5"), ("7", "-3"))), Table("Boolean", (("true", "false"), ("0", "1")))
+    wide = Table("Integer", ((str(2**63 + 10), str(2**64 - 1)),))
+    joined = system(Connection("a", "int8_out", "b", "int16_in", table=numbers),
+                    Connection("a", "uint64_out", "b", "uint64_in", table=wide),
+                    Connection("a", "truth_out[1]", "b", "truth_in[1]", table=truth),
+                    Connection("a", "truth_out[1]", "c", "flag", table=truth),
+                    Connection("c", "flag_out", "b", "truth_in[2]", table=truth), a=probe3_fmu, b=probe3_fmu,
+                    c=probe_fmu)
+    result = simulate(joined, stop_time=1.0, engine=engine, record=("inputs", "outputs"),
+                      parameters={"a.int8_in": -3, "a.uint64_in": 2**63 + 1})
+    given = result["a.int8_out"].astype(int).tolist()
+    assert result["b.int16_in"].tolist()[1:] == [{-3: 5, 7: -3}.get(value, value) for value in given[1:]]
+    wide_given = result["a.uint64_out"].tolist()
+    assert {-3, 7} <= set(given)
+    assert 2**63 + 10 in wide_given
+    assert result["b.uint64_in"].tolist()[1:] == [{2**63 + 10: 2**64 - 1}.get(value, value) for value in wide_given[1:]]
+    assert (result["b.truth_in[1]"] != result["a.truth_out[1]"])[1:].all()
+    assert (result["c.flag"] != result["a.truth_out[1]"])[1:].all()
+    assert (result["b.truth_in[2]"] != result["c.flag_out"])[1:].all()

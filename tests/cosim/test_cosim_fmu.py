@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import signal
 import threading
 import zipfile
@@ -113,6 +114,13 @@ def test_warnings_do_not_stop_and_are_kept(probe_fmu: Path) -> None:
     assert result.warnings == ("b: probe answers 1 as it was told",)
 
 
+@pytest.mark.parametrize("engine", ["python", "kernel"])
+def test_warnings_are_counted_and_logged_once(probe_fmu: Path, caplog: pytest.LogCaptureFixture, engine: str) -> None:
+    result = simulate(system(probe_fmu), parameters={"b.fault": 1}, stop_time=4.0, engine=engine)
+    assert result.warnings == ("b: probe answers 1 as it was told (400 times)",)
+    assert [record.getMessage() for record in caplog.records] == ["b: probe answers 1 as it was told"]
+
+
 def test_an_fmu_that_does_not_instantiate_tells_why(make_fmu: Factory, tmp_path: Path) -> None:
     other = make_fmu(tmp_path / "Other.fmu", lambda text: text.replace('guid="probe"', 'guid="other"'))
     here = Path.cwd()
@@ -128,17 +136,16 @@ def test_an_fmu_that_does_not_instantiate_tells_why(make_fmu: Factory, tmp_path:
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [
-    ('fmiVersion="2.0"', 'fmiVersion="1.0"', "modelDescription.xml is not valid"),
-    ('<CoSimulation modelIdentifier="probe" canHandleVariableCommunicationStepSize="true" '
-     'canInterpolateInputs="true"/>', '<ModelExchange modelIdentifier="probe"/>',
+    (r'fmiVersion="2\.0"', 'fmiVersion="1.0"', "modelDescription.xml is not valid"),
+    ("<CoSimulation[^>]*/>", '<ModelExchange modelIdentifier="probe"/>',
      "offers model exchange only; export it for co-simulation"),
     ('valueReference="0" causality="input"', 'causality="input"', "modelDescription.xml is not valid"),
-    ('<?xml version="1.0" encoding="UTF-8"?>', '<!DOCTYPE a [<!ENTITY e "x">]>', "document type declaration"),
+    (r"<\?xml [^>]*>", '<!DOCTYPE a [<!ENTITY e "x">]>', "document type declaration"),
     ("</fmiModelDescription>", "", "is not XML"),
 ])
 def test_what_is_not_an_fmi_2_slave_is_refused(make_fmu: Factory, tmp_path: Path, old: str, new: str,
                                                message: str) -> None:
-    fmu = make_fmu(tmp_path / "Fmu.fmu", lambda text: text.replace(old, new))
+    fmu = make_fmu(tmp_path / "Fmu.fmu", lambda text: re.sub(old, new, text))
     with pytest.raises(FmuError) as error:
         read_fmu(fmu)
     assert message in str(error.value)

@@ -134,7 +134,7 @@ def test_the_polynomial_goes_through_its_samples_and_is_the_parabola(coefficient
     times = (-first - second, -first, 0.0)
     for at in times:
         add_sample(samples, 0, at, a + b * at + c * at * at)
-        add_sample(samples, 0, at, 1e9)  # of the same time: without effect
+        add_sample(samples, 0, at, a + b * at + c * at * at)  # of the same time: no sample more
     value, rate, bend = polynomial(samples, 0, 2, time)
     scale = 1e-9 * (1.0 + abs(a) / first / second) * 1e3
     assert value == pytest.approx(a + b * time + c * time * time, abs=scale)
@@ -151,12 +151,20 @@ def plan() -> Plan:
 
 
 @pytest.mark.parametrize(("method", "message"), [
-    (Method("gauss"), "coupling 'gauss' is not known; choose one of gauss-seidel, jacobi"),
+    (Method("gauss"), "coupling 'gauss' is not known; choose one of gauss-seidel, jacobi, iterated"),
     (Method(extrapolation=3), "extrapolation of order 3 is not known; choose 0 to 2"),
     (Method(extrapolation={"tacker": 1}), "extrapolation: no component 'tacker'; did you mean taker?"),
     (Method(extrapolation={"taker": 1}),
      "extrapolation: taker (Test.fmu) cannot interpolate u (no canInterpolateInputs), which is held during a step"),
     (Method(multiples={"tacker": 2}), "multiple of the step: no component 'tacker'; did you mean taker?"),
+    (Method(feedthrough=("giver", "taker")),
+     "feedthrough: serves Jacobi's coupling, not gauss-seidel, which needs none; leave it out (and 2 more problems)"),
+    (Method("jacobi", feedthrough=("taker",)),
+     "taker (Test.fmu) cannot go back to a kept state (no canGetAndSetFMUstate) or change its step size (no "
+     "canHandleVariableCommunicationStepSize), as direct feedthrough needs"),
+    (Method("jacobi", feedthrough=("tacker",)), "feedthrough: no component 'tacker'; did you mean taker?"),
+    (Method(iterations=1), "1 iterations cannot tell whether a loop comes to rest; give 2 or more"),
+    (Method(tolerance=0.0), "a tolerance of 0.0 is not positive"),
     (Method(multiples={"taker": 0}), "taker: 0 is no multiple of the communication step; give 1 or more"),
     (Method(multiples={"taker": 4}), "taker: 10 steps are not a multiple of 4; stop 0.2 s later"),
 ])

@@ -11,7 +11,7 @@ import pytest
 from tests.cosim.slaves import FunctionInstance, State, network, variable
 from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.master import initialize, run
-from threadpitch.cosim.recording import Result
+from threadpitch.cosim.result import Result
 from threadpitch.cosim.schedule import Schedule
 
 Y = variable("y")
@@ -80,10 +80,11 @@ def test_a_failed_save_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest
     path = result.save(tmp_path)
     before = path.read_bytes()
 
-    def fail(rows: slice) -> str:
+    def fail(path: Path) -> None:
+        path.write_text("half of it")
         raise OSError("disk full")
 
-    monkeypatch.setattr(result, "_block", fail)
+    monkeypatch.setattr(result, "_write_csv", fail)
     with pytest.raises(OSError, match="disk full"):
         result.save(tmp_path)
     assert path.read_bytes() == before

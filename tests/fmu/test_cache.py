@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from tests.fmu.driving import ROOT, TEST_MODEL
 from threadpitch.fmu import BuildError, build_fmu, cache_folder, cached_fmu
 from threadpitch.fmu.archive import write_archive
+from threadpitch.fmu.cache import write_folder
 
 
 def test_cached_once_by_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -36,6 +38,35 @@ def test_two_processes_may_build_at_once(tmp_path: Path) -> None:
     assert [process.returncode for process in running] == [0, 0]
     (path,) = paths
     assert Path(path).read_bytes() == build_fmu(TEST_MODEL, tmp_path / "again").read_bytes()
+
+
+@pytest.mark.parametrize("damage", [lambda content: content[:len(content) // 2], lambda content: b"",
+                                    lambda content: content.replace(content[200:240], bytes(40), 1)])
+def test_a_damaged_fmu_in_the_cache_is_built_again(damage: Callable[[bytes], bytes], tmp_path: Path,
+                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("THREADPITCH_CACHE", str(tmp_path))
+    path = cached_fmu(TEST_MODEL)
+    whole = path.read_bytes()
+    path.write_bytes(damage(whole))
+    assert cached_fmu(TEST_MODEL) == path
+    assert path.read_bytes() == whole
+
+
+def test_sources_that_were_changed_are_written_again(tmp_path: Path) -> None:
+    write_folder(tmp_path / "made", {"a.c": b"good", "b.c": b"also"})
+    (tmp_path / "made" / "a.c").write_bytes(b"go")
+    write_folder(tmp_path / "made", {"a.c": b"good", "b.c": b"also"})
+    assert (tmp_path / "made" / "a.c").read_bytes() == b"good"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no umask")
+def test_the_umask_says_who_may_read_an_fmu(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        path = build_fmu(TEST_MODEL, tmp_path)
+    finally:
+        os.umask(before)
+    assert path.stat().st_mode & 0o777 == 0o640
 
 
 def test_cache_folder_follows_the_platform(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -80,10 +80,13 @@ def test_field_is_refused(field: str, message: str, tmp_path: Path) -> None:
     ("import nowhere_to_be_found", ":3: ModuleNotFoundError"),
     ("x = 1 / 0", ":3: ZeroDivisionError"),
     ("def f(:", ":3: "),
-    ("ERRORS = {0: 'zero'}", ": ERRORS must be a dict"),
-    ("ERRORS = ['one']", ": ERRORS must be a dict"),
-    ("EXPERIMENT = 2.0", ": EXPERIMENT must be an Experiment"),
-    ("EXPERIMENT = Experiment(stop_time=0.0, step_size=1e-3)", ": EXPERIMENT must have start_time < stop_time"),
+    ("import sys\nsys.exit('no')", ":4: SystemExit: no; the model cannot be imported"),
+    ("from threadpitch.fmu.variable import Clock\nCLOCKS = 3", ":4: CLOCKS must be a tuple"),
+    ("TERMINALS = 'all'", ":3: TERMINALS must be a tuple"),
+    ("ERRORS = {0: 'zero'}", ":3: ERRORS must be a dict"),
+    ("ERRORS = ['one']", ":3: ERRORS must be a dict"),
+    ("EXPERIMENT = 2.0", ":3: EXPERIMENT must be an Experiment"),
+    ("EXPERIMENT = Experiment(stop_time=0.0, step_size=1e-3)", ":3: EXPERIMENT must have start_time < stop_time"),
     ("@dataclass\nclass Other:\n    pass", ": a model file holds one dataclass, this one holds Other, Probe"),
 ])
 def test_file_is_refused(top: str, message: str, tmp_path: Path) -> None:

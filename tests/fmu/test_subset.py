@@ -108,6 +108,14 @@ REFUSED = {
     "number of 128 bits": ("self.n = 170141183460469231731687303715884105728", "the number 1701"),
     "infinite number": ("self.y = 1e999", "the constant inf"),
     "range step of a variable": ("for i in range(0, 3, self.n):\n    pass", "the range step self.n"),
+    "macro as a local": ("NAN = 1.0\nself.y = NAN", "the local NAN, a name that C's headers may take"),
+    "constant of C as a local": ("M_PI = 3.0\nself.y = M_PI", "the local M_PI, a name that"),
+    "name of the system as a local": ("linux = 1.0\nself.y = linux", "the local linux, a name that"),
+    "macro as a loop variable": ("for INFINITY in range(3):\n    self.y = 1.0", "the local INFINITY, a name that"),
+    "index outside": ("self.y = self.a[4]", "the index self.a[4] outside its 4 values"),
+    "assigned index outside": ("self.a[7] = 1.0", "the index self.a[7] outside its 4 values"),
+    "loop without an end": ("while True:\n    self.y = 1.0", "while True without an end"),
+    "break of another loop": ("while True:\n    for i in range(3):\n        break", "while True without an end"),
     # the model's contract
     "array as a whole": ("self.a = self.a", "list[float]"),
     "loop over an array": ("for u in self.a:\n    self.y = u", "for u in self.a"),
@@ -125,6 +133,9 @@ REFUSED = {
 }
 
 ALLOWED = {
+    "left loop": "while True:\n    self.n = self.n + 1\n    if self.n > 3:\n        break",
+    "returned from loop": "while True:\n    for i in range(3):\n        if self.ok:\n            return 0",
+    "last index": "self.a[3] = self.a[0]",
     "arithmetic": "self.y = -self.drive * 2.0 / (3.0 + self.n) - pi",
     "int division and remainder": "self.n = self.n // 2 + self.n % 3",
     "chained comparison": "if 0.0 < time < 1.0:\n    self.y = 1.0",
@@ -171,6 +182,12 @@ def test_refused_with_line_construct_and_mend(body: str, construct: str, tmp_pat
     assert "\n" not in message
 
 
+def test_the_mend_has_its_article(tmp_path: Path) -> None:
+    for body, mend in (("self.n = self.ok", "give an int"), ("self.y = self.ok", "give a float")):
+        with pytest.raises(ModelError, match=f"; {mend}$"):
+            plain_module(read(_model(tmp_path, body)))
+
+
 @pytest.mark.parametrize(("place", "text", "construct"), [
     ("top", "import math", "import math"),
     ("top", "from math import hypot", "from math import hypot"),
@@ -189,11 +206,27 @@ def test_refused_with_line_construct_and_mend(body: str, construct: str, tmp_pat
     ("members", "@staticmethod\ndef _f(x: float) -> float:\n    return x", "_f without self"),
     ("members", "@property\ndef _f(self) -> float:\n    return 1.0", "_f with defaults"),
     ("members", "LIMIT = 3", "LIMIT = 3 in the class"),
+    ("constants", "def step(x: float) -> float:\n    return x", "a function step outside the class"),
+    ("constants", "def f(NAN: float) -> float:\n    return NAN", "the local NAN, a name that"),
+    ("constants", "def f(x: float) -> float:\n    return f(x)", "f, which calls itself,"),
+    ("constants", "def f(x: float) -> float:\n    return g(x)\n\ndef g(x: float) -> float:\n    return f(x)",
+     "f, which calls itself through others,"),
+    ("members", "def _f(self) -> float:\n    return self._f()", "_f, which calls itself,"),
+    ("members", "def _f(self) -> int:\n    return 1\n\ndef _g(self) -> int:\n    return self._f() + self._g()",
+     "_g, which calls itself,"),
 ])
 def test_refused_outside_the_methods(place: str, text: str, construct: str, tmp_path: Path) -> None:
     with pytest.raises(ModelError) as caught:
         check_subset(read(_model(tmp_path, **{place: text})))
     assert construct in str(caught.value)
+
+
+@pytest.mark.parametrize("decorator", ["@dataclass(frozen=True)", "@dataclass(kw_only=True)", "@dataclass()"])
+def test_arguments_of_the_dataclass_are_refused(decorator: str, tmp_path: Path) -> None:
+    path = _model(tmp_path)
+    path.write_text(path.read_text().replace("@dataclass\n", f"{decorator}\n"))
+    with pytest.raises(ModelError, match=r"probe\.py:\d+: Probe with bases, other decorators or arg"):
+        plain_module(read(path))
 
 
 @pytest.mark.parametrize("path", MODEL_PATHS, ids=names(MODEL_PATHS))

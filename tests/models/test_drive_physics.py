@@ -10,6 +10,7 @@ import pytest
 
 from fmu_src.feed_drive import FeedDrive
 from fmu_src.pitch_calculator import PitchCalculator
+from fmu_src.spindle_drive import SpindleDrive
 from tests.plain_lathe import IDEAL_DETECTORS, TURN, Array, Lathe, merged, start_angles
 
 LEAD = 1.5e-3
@@ -43,6 +44,14 @@ def test_ideal_drive_gives_the_lead() -> None:
         assert len(run.nominal[i]) >= 13
         assert np.abs(np.array(run.nominal[i]) - LEAD).max() < 1e-12
         assert np.abs(np.array(run.actual[i]) - LEAD).max() < 1e-12
+
+
+@pytest.mark.parametrize(("model", "error"), [(FeedDrive, 6), (SpindleDrive, 3)])
+def test_a_step_of_too_many_periods_is_refused(model: type[FeedDrive | SpindleDrive], error: int) -> None:
+    drive = model()
+    drive.initialize()
+    assert drive.step(0.0, 1e-3) == 0
+    assert drive.step(1e-3, 1e300) == error
 
 
 def test_constant_lag_gives_no_pitch_error() -> None:

@@ -10,13 +10,19 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from fmu_src.pitch_calculator import CUBIC, LINEAR
 from tests.plain_lathe import IDEAL_DETECTORS, TURN, Array, Lathe, Recording, merged, start_angles
+from threadpitch.cosim import Event, Method, simulate
+from threadpitch.cosim.system import Component, Connection, System
+from threadpitch.fmu import available_compiler, cached_fmu
 
 LEAD = 1.5e-3
 STOP = 1.1
@@ -146,9 +152,10 @@ def curvature_bound(run: Recording, step_size: float) -> float:
     return float(np.abs(np.diff(line[settled], 2)).max() / 8)
 
 
-def differences(step_size: float) -> tuple[Recording, float, float]:
+@functools.cache
+def differences(step_size: float, estimate: int = LINEAR) -> tuple[Recording, float, float]:
     """(run, largest pitch difference of all turns, of the settled turns), nominal and true, four start angles."""
-    lathe = Lathe(PARAMETERS)
+    lathe = Lathe(merged(PARAMETERS, {"calculator": {"crossing_estimate": estimate}}))
     run = lathe.run(STOP, step_size)
     everywhere, settled = 0.0, 0.0
     for i in range(4):
@@ -179,3 +186,49 @@ def test_difference_shrinks_with_the_square_of_the_step() -> None:
     coarse, fine = differences(1e-3)[2], differences(2.5e-4)[2]
     print(f"settled difference {coarse * 1e9:.4f} nm at 1 ms, {fine * 1e9:.4f} nm at 0.25 ms")
     assert fine < coarse / 4
+
+
+def test_a_cubic_crossing_leaves_a_thousandth_of_a_nanometre() -> None:
+    """The controller runs every millisecond, so that steps of a millisecond and less give the same control."""
+    for step_size in (1e-3, 5e-4, 2.5e-4):
+        everywhere, settled = differences(step_size, CUBIC)[1:]
+        print(f"H {step_size * 1e3:5.2f} ms: settled turns differ by {settled * 1e9:.5f} nm, all turns by "
+              f"{everywhere * 1e9:.4f} nm")
+        assert settled < 1e-12
+        assert everywhere < 2e-9
+
+
+def test_a_cubic_crossing_converges_with_a_high_order() -> None:
+    """While the drive accelerates: of order two by straight lines, of order three and more by the cubic."""
+    for estimate, least in ((LINEAR, 1.2), (CUBIC, 3.0)):
+        errors = [differences(step_size, estimate)[1] for step_size in (1e-3, 5e-4, 2.5e-4)]
+        orders = [math.log2(coarse / fine) for coarse, fine in pairwise(errors)]
+        print(f"estimate {estimate}: all turns by {', '.join(f'{one * 1e9:.4f}' for one in errors)} nm, "
+              f"orders {orders[0]:.2f} {orders[1]:.2f}")
+        assert min(orders) > least - 0.2
+
+
+@pytest.mark.skipif(available_compiler() is None, reason="no C compiler and no ziglang")
+@pytest.mark.parametrize("step_size", [0.01, 1e-3, 2.5e-4])
+def test_a_crossing_is_located_to_a_nanosecond_whatever_the_step(step_size: float) -> None:
+    """The master goes back and divides the step; the calculator knows the points alone, and is as good up to 1 ms."""
+    reference = spindle_reference()
+    levels = [1.0 + turn * TURN + 0.7 for turn in range(1, 8, 2)]
+    times = [brentq(lambda t, level=level: float(reference(t)[0]) - level, 0.0, STOP, xtol=1e-15, rtol=1e-14)
+             for level in levels]
+    fmus = {"spindle": cached_fmu("fmu_src/spindle_drive.py", "native"),
+            "calculator": cached_fmu("fmu_src/pitch_calculator.py", "native")}
+    system = System("crossing", tuple(Component(name, fmu) for name, fmu in fmus.items()), (
+        Connection("spindle", "encoder_angle", "calculator", "spindle_angle"),
+        Connection("spindle", "angle", "calculator", "feed_position", convert_units=False)))
+    given = {f"spindle.{name}": value for name, value in (PARAMETERS["spindle"] | {"detector": 0}).items()}
+    given |= {"spindle.speed_command": 500 / 60 * TURN, "calculator.threading": True, "calculator.start_angle": [1.7],
+              "calculator.crossing_estimate": "cubic"}
+    method = Method(events=tuple(Event("spindle.angle", level, "rising") for level in levels))
+    found = simulate(system, step_size=step_size, stop_time=1.0, method=method, parameters=given).events
+    late = max(abs(event.time - time) for event, time in zip(found, times, strict=True))
+    plain = simulate(system, step_size=step_size, stop_time=1.0, parameters=given)["calculator.crossing_time[1]"]
+    estimated = max(float(np.abs(plain - time).min()) for time in times)
+    print(f"H {step_size * 1e3:5.2f} ms: located within {late:.1e} s, estimated within {estimated:.1e} s")
+    assert late < 1e-9
+    assert estimated < (1e-9 if step_size <= 1e-3 else 1e-6)

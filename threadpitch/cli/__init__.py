@@ -1,4 +1,4 @@
-"""The command line: ``threadpitch run | analyze | build``. Degrees, mm and rpm at this edge, SI inside."""
+"""The command line: ``threadpitch run | analyze | ...``. Degrees, mm and rpm at this edge, SI inside."""
 
 from threadpitch.cli.app import app, invoke, main
 

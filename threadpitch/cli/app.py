@@ -6,6 +6,7 @@ import contextlib
 import io
 import os
 import re
+import signal
 import sys
 from collections.abc import Sequence
 from typing import Annotated, NoReturn
@@ -13,25 +14,37 @@ from typing import Annotated, NoReturn
 import typer
 
 from threadpitch import __version__, cosim, lathe
+from threadpitch.approach import ApproachError
 from threadpitch.cli.analyze import analyze
+from threadpitch.cli.approach import approach
 from threadpitch.cli.build import build
+from threadpitch.cli.check import check
+from threadpitch.cli.cycle import cycle
 from threadpitch.cli.options import SEVERAL
 from threadpitch.cli.printing import complain, printing
-from threadpitch.cli.run import INTERRUPTED, run
+from threadpitch.cli.resume import resume
+from threadpitch.cli.run import run
+from threadpitch.cosim.interrupt import Terminated, end_in_order
+from threadpitch.cycles import CycleError
 from threadpitch.fmu import BuildError, ModelError
+from threadpitch.judgement import JudgementError
 from threadpitch.parameters import ParameterFileError
 from threadpitch.pitch import PitchError
+from threadpitch.program_parameters import OperationError
+from threadpitch.report.figure import PlotError
+from threadpitch.tolerance import ToleranceError
 from threadpitch.trace import TraceError
 from threadpitch.units import UnitError
 
-_KNOWN_ERRORS = (cosim.CosimError, lathe.LatheError, BuildError, ModelError, ParameterFileError, PitchError, TraceError,
-                 UnitError, OSError)
+_KNOWN_ERRORS = (ApproachError, cosim.CosimError, lathe.LatheError, BuildError, CycleError, JudgementError, ModelError,
+                 OperationError, ParameterFileError, PitchError, PlotError, ToleranceError, TraceError, UnitError,
+                 OSError)
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
                   context_settings={"help_option_names": ["-h", "--help"]},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
-for _command in (run, analyze, build):
+for _command in (run, resume, check, analyze, build, cycle, approach):
     app.command()(_command)
 
 
@@ -46,6 +59,7 @@ def _options(version: Annotated[bool, typer.Option(
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave the process: 0, 2 for bad input (one line on standard error), 130 after Ctrl-C."""
+    end_in_order()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # file names may hold what the terminal's encoding does not
@@ -69,9 +83,9 @@ def invoke(arguments: Sequence[str]) -> int:
         return complain(_usage(error))
     except _KNOWN_ERRORS as error:
         return complain(_file_message(error) if isinstance(error, OSError) else str(error))
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         complain("interrupted")
-        return INTERRUPTED
+        return 128 + (error.signal if isinstance(error, Terminated) else signal.SIGINT)
     return 0
 
 

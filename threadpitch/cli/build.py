@@ -9,7 +9,8 @@ import typer
 
 from threadpitch import lathe
 from threadpitch.cli.options import Flavor
-from threadpitch.cli.printing import fail, printing
+from threadpitch.cli.printing import chosen_flavor, fail, printing, remark
+from threadpitch.fmu import read_model, refusal
 from threadpitch.fmu.check import check_built
 from threadpitch.system_archive import FmuKind, build_models, build_system
 
@@ -29,8 +30,13 @@ def build(
     """Build FMUs from model files."""
     if output.exists() and not output.is_dir():
         fail(f"{output} is not a folder; choose another folder with --output")
-    kind = FmuKind(lathe.choose_flavor(flavor), fmi, tuple(platform) if platform else None)
-    built = build_models(models or lathe.model_files(), output, kind)
+    kind = FmuKind(chosen_flavor(flavor), fmi, tuple(platform) if platform else None)
+    paths = models or lathe.model_files()
+    built = build_models(paths, output, kind)
+    for path in paths:
+        refused = refusal(read_model(path))
+        if refused is not None:
+            remark(f"warning: {refused}")
     problems = [problem for path in built for problem in check_built(path)] if check else []
     if problems:
         fail(f"{problems[0]}" + (f" (and {len(problems) - 1} more)" if problems[1:] else ""))

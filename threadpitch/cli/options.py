@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from threadpitch import lathe
+from threadpitch import cycles, lathe
+from threadpitch.units import UnitError, conversion
 
+_RECORDED = r"outputs|inputs|locals|parameters|\*|(?!.*\.ss[dp]$)[^-/\\][^/\\]*\.[^/\\]*"
 # Options that take several values, and what a value looks like
-SEVERAL = {"--start-angle": r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", "--set": r"[^-=][^=]*=.*",
-           "--platform": r"(linux|win|darwin)(64|-arm64)|(x86_64|aarch64)-[a-z]+"}
+SEVERAL = {
+    "--start-angle": r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)",
+    "--set": r"[^-=][^=]*=.*",
+    "--replace": r"[^-=][^=]*=.*",
+    "--record": _RECORDED,
+    "--record-on": _RECORDED,
+    "--isolate": r"[^-/\\.][^/\\.]*",
+    "--platform": r"(linux|win|darwin)(64|-arm64)|(x86_64|aarch64)-[a-z]+",
+}
 
 
 def number(text: str) -> float:
@@ -26,14 +37,60 @@ def number(text: str) -> float:
     return value
 
 
+def quantity(text: str, target: str, option: str) -> float:
+    """A positive quantity with its unit ("1.5mm", "500rpm"), in SI; ``target`` is the SI unit.
+
+    Raises:
+        LatheError: no number, no unit, a unit of something else, or not positive.
+    """
+    match = re.fullmatch(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", text)
+    example = {"m": "1.5mm", "rad/s": "500rpm"}[target]
+    if match is None or not match[2]:
+        raise lathe.LatheError(f"{option} {text!r} is not a number with a unit; write it like {example}")
+    try:
+        factor, offset = conversion(match[2], target)
+    except UnitError as error:
+        raise lathe.LatheError(f"{option} {text!r}: {error}; write it like {example}") from None
+    value = float(match[1]) * factor + offset
+    if not 0.0 < value < math.inf:
+        raise lathe.LatheError(f"{option} {text!r} is not positive; write it like {example}")
+    return value
+
+
 StartAngles = Annotated[list[float] | None, typer.Option(
     "--start-angle", metavar="DEG ...", parser=number,
     help="Start angles theta_S in degrees, several after one another.")]
+Assignments = Annotated[list[str] | None, typer.Option(
+    "--set", metavar="NAME=VALUE ...", help="Set component.variable, several after one another: SI, or with a "
+                                            "unit such as 10mm, 300rpm, 45deg; choices by name.")]
+ParameterFiles = Annotated[list[Path] | None, typer.Option(
+    "--parameters", metavar="FILE", help="Parameter file: .ssv, .toml or .json; --set wins over it.")]
+Replacements = Annotated[list[str] | None, typer.Option(
+    metavar="NAME=FILE ...", help="Run another FMU, or a model file (.py), as this component.")]
+Dialect = Annotated[str, typer.Option(
+    "--dialect", metavar="NAME", help=f"Control that the program is written for: {', '.join(cycles.DIALECTS)}.")]
+Starts = Annotated[int, typer.Option(
+    "--starts", metavar="N", min=1, max=100, help="Starts of a thread by G76: pitch = lead / N.")]
+Waiting = Annotated[str, typer.Option(
+    "--wait", metavar="once|every-block", help="What a chain of threading blocks waits for: the first block for its "
+                                               "start angle, or every block for its own (special grooves).")]
 Flavor = Annotated[str | None, typer.Option(
     metavar="native|python", help="Kind of FMUs that are built: native code, or Python by PythonFMU.",
     show_default="native where a C compiler is found")]
 AsJson = Annotated[bool, typer.Option(
     "--json", metavar="", help="Print one JSON document on standard output (mm, degrees, s).")]
+
+
+def indexing(name: str) -> cycles.Indexing:
+    """What ``--wait`` names.
+
+    Raises:
+        CycleError: it is not known.
+    """
+    known = {one.value.replace("_", "-"): one for one in cycles.Indexing}
+    if name not in known:
+        raise cycles.CycleError(f"--wait {name!r} is not known; choose {' or '.join(known)}")
+    return known[name]
 
 
 def radians(degrees: Sequence[float]) -> list[float]:

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from threadpitch import lathe
+from threadpitch.fmu import NO_COMPILER
 from threadpitch.tables import printable
 
 BAD_INPUT = 2
@@ -62,7 +63,20 @@ def fail(message: str) -> NoReturn:
     raise lathe.LatheError(message)
 
 
-def complain(message: str) -> int:
+def remark(message: str) -> None:
     """One line on standard error, without control characters that a file may have brought in."""
     print(f"threadpitch: {printable(' '.join(message.split()))}", file=sys.stderr)
+
+
+def chosen_flavor(flavor: str | None) -> str:
+    """The flavor of the FMUs that are built, with a note where it is Python's for want of a compiler."""
+    chosen = lathe.choose_flavor(flavor)
+    if flavor is None and chosen == "python":
+        remark(f"note: the FMUs are built by PythonFMU and need Python where they run: {NO_COMPILER}")
+    return chosen
+
+
+def complain(message: str) -> int:
+    """What is wrong, as a remark; the exit status that goes with it."""
+    remark(message)
     return BAD_INPUT

@@ -2,37 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from threadpitch import cosim, lathe
-from threadpitch.cli.options import AsJson, Flavor, StartAngles, number, radians
-from threadpitch.cli.printing import complain, fail, print_json, printing, progress
+from threadpitch import cycles, lathe
+from threadpitch.cli.options import (
+    AsJson,
+    Assignments,
+    Dialect,
+    Flavor,
+    ParameterFiles,
+    Replacements,
+    StartAngles,
+    Starts,
+    Waiting,
+    indexing,
+    number,
+    radians,
+)
+from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping
+from threadpitch.cli.printing import fail, printing, progress
+from threadpitch.cli.program import run_program
 from threadpitch.cosim.values import Given
 from threadpitch.faults import fault_names, read_fault
 from threadpitch.parameters import read_assignments, read_parameters
-from threadpitch.run_folder import check_folder, run_document, save_run
-from threadpitch.tables import show_pass
-
-INTERRUPTED = 130
-DEFAULT_OUTPUT = "threadpitch-run"
+from threadpitch.replacement import read_replacements
+from threadpitch.run_folder import check_folder
 
 
 def run(
     system: Annotated[str, typer.Argument(
         metavar="SYSTEM", help="Folder with SystemStructure.ssd, an .ssd or an .ssp.")] = lathe.DEFAULT_SYSTEM,
-    assignments: Annotated[list[str] | None, typer.Option(
-        "--set", metavar="NAME=VALUE ...", help="Set component.variable, several after one another: SI, or with a "
-                                                "unit such as 10mm, 300rpm, 45deg; choices by name.")] = None,
-    parameters: Annotated[list[Path] | None, typer.Option(
-        metavar="FILE", help="Parameter file: .ssv, .toml or .json; --set wins over it.")] = None,
+    program: Annotated[Path | None, typer.Option(
+        metavar="FILE", help="NC program whose threads the lathe cuts, operation by operation; --set wins over its "
+                             "words.")] = None,
+    dialect: Dialect = cycles.TOMATECH.name,
+    starts: Starts = 1,
+    wait: Waiting = "once",
+    assignments: Assignments = None,
+    parameters: ParameterFiles = None,
+    replace: Replacements = None,
     fault: Annotated[str | None, typer.Option(
-        metavar="NAME", help=f"A fault of the library on a lathe without others: {', '.join(fault_names())}. "
-                             "Files and --set win over it.")] = None,
+        metavar="NAME", help=f"A fault of the library on a lathe without others: {', '.join(fault_names())}. A "
+                             "program, files and --set win over it.")] = None,
     start_angle: StartAngles = None,
     stop_time: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="Stop time in s.", show_default="of the system")] = None,
@@ -41,54 +56,52 @@ def run(
     flavor: Flavor = None,
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trace.csv, pitch.csv, tables.txt and "
                                                              "result.json.")] = Path(DEFAULT_OUTPUT),
+    record: Annotated[list[str] | None, typer.Option(
+        metavar="NAME ...", help="What is recorded: outputs, inputs, locals, parameters, or component.variable with * "
+                                 "and ?.", show_default="outputs, and what tells of the turns")] = None,
+    record_every: Annotated[int, typer.Option(metavar="N", help="Record every N-th step.")] = 1,
+    record_on: Annotated[list[str] | None, typer.Option(
+        metavar="NAME ...", help="Record only where one of these variables changes.")] = None,
+    results: Annotated[Path | None, typer.Option(
+        metavar="FILE", help="Record into FILE.parquet (a folder), FILE.csv (both while running) or FILE.mat, instead "
+                             "of trace.csv.")] = None,
+    checkpoint: Annotated[Path | None, typer.Option(
+        metavar="FILE", help="Save the state of the run for `threadpitch resume FILE`, at the end and when it is "
+                             "interrupted too.")] = None,
+    checkpoint_every: Annotated[float, typer.Option(metavar="S", parser=number, help="Time between two saves in s.")]
+    = 60.0,
+    isolate: Annotated[list[str] | None, typer.Option(
+        metavar="NAME ...", help="Components in processes of their own, whose crash ends the run in order; all for "
+                                 "all.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a lathe that cuts a thread, and print the movement per revolution."""
     check_folder(output)
     chosen = None if fault is None else read_fault(fault)
-    values: dict[str, Given] = {} if chosen is None else dict(chosen.parameters)
-    if chosen is not None and stop_time is None:
-        stop_time = chosen.stop_time
+    values: dict[str, Given] = {}
     for file in parameters or []:
         values |= read_parameters(file)
     values |= read_assignments(assignments or [])
     angles = None if start_angle is None else radians(start_angle)
-    try:
-        with progress("simulating") as told:
-            simulation = lathe.simulate(system, parameters=values, start_angles=angles, stop_time=stop_time,
-                                        step_size=step_size, flavor=flavor, progress=told)
-    except cosim.SimulationInterrupted as interrupt:
-        _keep(interrupt, output, lathe.choose_flavor(flavor))
-    if simulation.calculators and not simulation.passes:
-        fail(simulation.why_no_turn())
-    saved = save_run(simulation, output)
-    with printing():
-        if as_json:
-            print_json(run_document(simulation))
-        else:
-            if chosen is not None:
+    replaced = {**read_replacements(replace or [])}
+    machine = {} if chosen is None else chosen.parameters
+
+    def simulated(folder: Path, words: Mapping[str, Given], enough: float | None) -> lathe.Simulation:
+        with keeping(folder, lathe.choose_flavor(flavor)), progress("simulating") as told:
+            return lathe.simulate(
+                system, parameters={**machine, **words, **values}, start_angles=angles, step_size=step_size,
+                flavor=flavor, stop_time=enough if stop_time is None else stop_time, record=record,
+                record_every=record_every, record_on=record_on or (), results=results, checkpoint=checkpoint, checkpoint_every=checkpoint_every,
+                replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
+
+    if program is None:
+        simulation = simulated(output, {}, None if chosen is None else chosen.stop_time)
+        if chosen is not None and not as_json:
+            with printing():
                 print(f"Fault {chosen.name} ({chosen.cause}): {chosen.description}\nSignature: {chosen.signature}\n")
-            _show(simulation, saved)
-    for warning in simulation.result.warnings:
-        complain(f"warning: {warning}")
-
-
-def _show(simulation: lathe.Simulation, saved: Sequence[Path]) -> None:
-    console = Console()
-    for one in simulation.passes:
-        show_pass(console, one)
-        console.print()
-    if not simulation.calculators:
-        console.print(simulation.why_no_turn())
-    simulated = float(simulation.time[-1] - simulation.time[0])
-    print(f"{simulation.steps} steps, {simulated:g} s simulated in {simulation.wall_time:.2f} s with "
-          f"{simulation.flavor} FMUs\nsaved in {saved[0].parent}: {', '.join(path.name for path in saved)}")
-
-
-def _keep(interrupt: cosim.SimulationInterrupted, output: Path, flavor: str) -> NoReturn:
-    """What was recorded before Ctrl-C is saved."""
-    kept = ""
-    if interrupt.result is not None:
-        kept = f"; what was recorded is in {save_run(lathe.Simulation(interrupt.result, flavor), output)[0].parent}"
-    complain(f"{interrupt}{kept}")
-    raise typer.Exit(INTERRUPTED)
+        finish(simulation, output, as_json)
+        return
+    if results is not None or checkpoint is not None:
+        fail("--results and --checkpoint hold one simulation; a program is several: leave them out")
+    setup = cycles.Setup(dialect=cycles.dialect_named(dialect), starts=starts, indexing=indexing(wait))
+    finish_program(run_program(program, setup, output, simulated), as_json)

@@ -10,6 +10,7 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 _ADDRESS = ir.IntType(64)
@@ -19,6 +20,17 @@ _STATUS = ir.IntType(32)
 def _call(builder: Any, address: Any, argument_types: list[Any], arguments: Any) -> Any:
     signature = ir.FunctionType(_STATUS, argument_types)
     return builder.call(builder.inttoptr(address, signature.as_pointer()), arguments)
+
+
+@intrinsic
+def _call_two(typing_context: Any, function: Any, instance: Any, state: Any) -> Any:
+    """fmi2GetFMUstate and its like: (component, state or its place) -> status."""
+    signature = types.int32(types.uintp, types.uintp, types.uintp)
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return _call(builder, arguments[0], [_ADDRESS] * 2, arguments[1:])
+
+    return signature, generate
 
 
 @intrinsic
@@ -45,30 +57,45 @@ def _call_five(typing_context: Any, function: Any, instance: Any, references: An
 
 
 @intrinsic
-def _call_step2(typing_context: Any, function: Any, component: Any, time: Any, step_size: Any) -> Any:
-    """fmi2DoStep(component, time, step size, true): the master never steps back."""
-    signature = types.int32(types.uintp, types.uintp, types.float64, types.float64)
+def _call_step2(typing_context: Any, function: Any, component: Any, time: Any, step_size: Any, final: Any) -> Any:
+    """fmi2DoStep(component, time, step size, final): whether the master never steps back."""
+    signature = types.int32(types.uintp, types.uintp, types.float64, types.float64, types.int32)
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         argument_types = [_ADDRESS, ir.DoubleType(), ir.DoubleType(), ir.IntType(32)]
-        return _call(builder, arguments[0], argument_types, [*arguments[1:], ir.Constant(ir.IntType(32), 1)])
+        return _call(builder, arguments[0], argument_types, arguments[1:])
 
     return signature, generate
 
 
 @intrinsic
-def _call_step3(typing_context: Any, function: Any, instance: Any, time: Any, step_size: Any, answers: Any) -> Any:
-    """fmi3DoStep(instance, time, step size, true, answers...): see ``ANSWER`` in program for what answers holds."""
-    signature = types.int32(types.uintp, types.uintp, types.float64, types.float64, types.uintp)
+def _call_step3(typing_context: Any, function: Any, instance: Any, time: Any, step_size: Any, final: Any,
+                answers: Any) -> Any:
+    """fmi3DoStep(instance, time, step size, final, answers...): see ``tables.ANSWER`` for what answers holds."""
+    signature = types.int32(types.uintp, types.uintp, types.float64, types.float64, types.int32, types.uintp)
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         double = ir.DoubleType()
         # A C bool travels as a whole register: 32 bits leave no rubbish in its upper part.
         argument_types = [_ADDRESS, double, double, ir.IntType(32), _ADDRESS, _ADDRESS, _ADDRESS, _ADDRESS]
-        reached = arguments[4]
+        reached = arguments[5]
         flags = [builder.add(reached, ir.Constant(_ADDRESS, 8 + place)) for place in range(3)]
-        values = [*arguments[1:4], ir.Constant(ir.IntType(32), 1), *flags, reached]
+        values = [*arguments[1:5], *flags, reached]
         return _call(builder, arguments[0], argument_types, values)
+
+    return signature, generate
+
+
+@intrinsic
+def _copy_bytes(typing_context: Any, target: Any, source: Any, count: Any) -> Any:
+    """memcpy(target, source, count)."""
+    signature = types.void(types.uintp, types.uintp, types.uintp)
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        byte = ir.IntType(8).as_pointer()
+        target, source = (builder.inttoptr(address, byte) for address in arguments[:2])
+        cgutils.raw_memcpy(builder, target, source, arguments[2], 1)  # type: ignore[no-untyped-call] # Numba
+        return context.get_dummy_value()
 
     return signature, generate
 
@@ -85,8 +112,10 @@ def _pointer(typing_context: Any, address: Any) -> Any:
 
 
 # Typed as what compiled code sees: Numba's own types show the typing context as an argument.
+call_two: Any = _call_two
 call_four: Any = _call_four
 call_five: Any = _call_five
 call_step2: Any = _call_step2
 call_step3: Any = _call_step3
+copy_bytes: Any = _copy_bytes
 pointer: Any = _pointer

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
+from xml.parsers import expat
 
 from lxml import etree
 
@@ -11,28 +12,61 @@ from threadpitch.cosim.errors import CosimError
 
 Element: TypeAlias = etree._Element
 
+LARGEST = 128 * 2**20  # bytes; the descriptions of large vehicles come to a tenth
+_PIECE = 2**16  # bytes
+
 
 class DocumentError(CosimError):
     """A file is not XML that can be accepted; the message begins with the line where that is known."""
+
+
+class _Begun(Exception):  # noqa: N818 -- it is no error: the prologue is over
+    """The first element has begun."""
 
 
 def parse_document(path: Path) -> Element:
     """The root element of an XML file.
 
     Raises:
-        DocumentError: the file is missing, is not well-formed, or declares a document type (and with it entities),
-            which no file of FMI or SSP does.
+        DocumentError: the file is missing or too large, is not well-formed, is nested deeper than any description, or
+            declares a document type (and with it entities), which no file of FMI or SSP does.
     """
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
     try:
+        size = path.stat().st_size
+        if size > LARGEST:
+            raise DocumentError(f"is {size / 2**20:.0f} MiB of XML, more than {LARGEST // 2**20} MiB; refused")
+        _refuse_document_type(path)
+        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
         tree = etree.parse(str(path), parser)
     except etree.XMLSyntaxError as error:
         raise DocumentError(f"line {error.lineno}: is not XML: {error.msg}") from None
-    except OSError:
-        raise DocumentError("no such file") from None
+    except OSError as error:
+        raise DocumentError("no such file" if isinstance(error, FileNotFoundError) else "cannot be read") from None
     if tree.docinfo.internalDTD is not None or tree.docinfo.doctype:
-        raise DocumentError("holds a document type declaration, which FMI and SSP files do not; refused")
+        raise DocumentError(_NO_TYPE)
     return tree.getroot()
+
+
+_NO_TYPE = "holds a document type declaration, which FMI and SSP files do not; refused"
+
+
+def _refuse_document_type(path: Path) -> None:
+    """Look at the prologue alone: entities must not be expanded even once, as libxml2 does in attributes."""
+    def refuse(*_: Any) -> None:
+        raise DocumentError(_NO_TYPE)
+
+    def begin(*_: Any) -> None:
+        raise _Begun
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = refuse
+    parser.StartElementHandler = begin
+    try:
+        with path.open("rb") as file:
+            while piece := file.read(_PIECE):
+                parser.Parse(piece)
+    except (_Begun, expat.ExpatError):
+        pass  # what is not well-formed is told by the parser behind
 
 
 def line_of(element: Element) -> int:

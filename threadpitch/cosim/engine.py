@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from threadpitch.cosim.algorithms import ALGORITHMS, Algorithm
 from threadpitch.cosim.errors import CosimError
+from threadpitch.cosim.free_steps import FreeSteps
 from threadpitch.cosim.instance import FmuInstance
 from threadpitch.cosim.network import Network
 
@@ -19,11 +20,17 @@ def choose_engine(network: Network, engine: str | None = None) -> Algorithm:
         CosimError: the word is not known, or the kernel is wanted for what is not a loaded FMU.
     """
     fmus = all(isinstance(node.instance, FmuInstance) for node in network.nodes)
+    wanted = engine is not None
     if engine is None:
         worth = network.recorder.schedule.steps * len(network.nodes) >= _WORTH
         engine = "kernel" if fmus and worth else "python"
     if engine not in ENGINES:
         raise CosimError(f"engine {engine!r} is not known; choose one of {', '.join(ENGINES)}")
+    if network.method.free:
+        if engine == "kernel" and wanted:
+            raise CosimError("steps whose size an error or an event chooses run in plain Python; take the engine "
+                             "'python'")
+        return FreeSteps(network)
     if engine == "python":
         return ALGORITHMS[network.method.coupling]
     if not fmus:

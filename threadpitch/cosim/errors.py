@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from threadpitch.cosim.recording import Result
+    from threadpitch.cosim.result import Result
 
 
 class CosimError(ValueError):
@@ -15,8 +16,9 @@ class CosimError(ValueError):
 class StepError(CosimError):
     """A component could not be computed.
 
-    ``component`` and ``time`` [s] tell where, ``status`` is "discard", "error", "fatal" or "nan"; the master adds
-    ``result``, what was recorded before (None where nothing was).
+    ``component`` and ``time`` [s] tell where, ``status`` is "discard", "error", "fatal", "nan", "crash" (of an isolated
+    component) or "loop" (one that does not come to rest); the master adds ``result``, what was recorded before (None
+    where nothing was).
     """
 
     def __init__(self, message: str, component: str, time: float, status: str) -> None:
@@ -32,11 +34,15 @@ class StepError(CosimError):
 
 
 class SimulationInterrupted(KeyboardInterrupt):
-    """Ctrl-C ended a run between two steps; everything is freed. ``result`` is what was recorded until then."""
+    """Ctrl-C, SIGTERM or SIGHUP (``signal``) ended a run between two steps; everything is freed.
 
-    def __init__(self, time: float) -> None:
-        super().__init__(time)
+    ``result`` is what was recorded until then.
+    """
+
+    def __init__(self, time: float, number: int = signal.SIGINT) -> None:
+        super().__init__(time, number)
         self.time = time
+        self.signal = number
         self.result: Result | None = None
 
     def __str__(self) -> str:

@@ -30,9 +30,10 @@ class Samples(NamedTuple):
 
 
 def add_sample(samples: Samples, number: int, time: float, value: float) -> None:
-    """Take in a source's value, unless there is one of the same time, which stays."""
+    """Take in a source's value; it replaces one of the same time, as iterations bring several."""
     counts, times, values = samples
     if counts[number] > 0 and times[number, 0] == time:
+        values[number, 0] = value
         return
     for i in range(_KEPT - 1, 0, -1):
         times[number, i] = times[number, i - 1]

@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.description import FmuDescription
 from threadpitch.cosim.errors import StepError
+from threadpitch.cosim.fmu_state import load_state, save_state
 from threadpitch.cosim.messages import DISCARD, FATAL, WARNING, Messages
+from threadpitch.cosim.state_slot import FmuSlot, Slot
 
 References: TypeAlias = NDArray[np.uint32]
 Values: TypeAlias = NDArray[Any]  # of the C type's dtype
@@ -80,6 +82,15 @@ class Instance(Protocol):
     def do_step(self, time: float, step_size: float) -> None:
         """Compute from ``time`` to ``time + step_size`` with the inputs that were set."""
 
+    def save_state(self) -> bytes:
+        """All that the component holds between two steps, as bytes that another process can go on from."""
+
+    def load_state(self, serialized: bytes) -> None:
+        """Make the initialised component what it was when these bytes were saved."""
+
+    def slot(self) -> Slot:
+        """A place for the component's state, to which it then returns; taken before the first step."""
+
     def terminate(self) -> None:
         """End the run."""
 
@@ -114,6 +125,7 @@ class FmuInstance(ABC):
         self.messages = Messages(name)
         self.time = 0.0
         self.library = library
+        self.slots: list[FmuSlot] = []
         self._state = "loaded"  # instantiated, initialized, discarded, error, terminated, freed
         description = library.description
         try:
@@ -200,7 +212,22 @@ class FmuInstance(ABC):
 
     @abstractmethod
     def do_step(self, time: float, step_size: float) -> None:
-        """Compute from ``time`` to ``time + step_size``; the master never steps back."""
+        """Compute from ``time`` to ``time + step_size``."""
+
+    @property
+    def final(self) -> bool:
+        """noSetFMUStatePriorToCurrentPoint: whether the master never steps back."""
+        return not self.slots
+
+    def slot(self) -> FmuSlot:
+        """A place for the FMU's state; from now on it hears that the master may step back."""
+        self.slots.append(FmuSlot(self))
+        return self.slots[-1]
+
+    def go_back(self) -> None:
+        """The state was restored: a step that was discarded is as if it had not been."""
+        if self._state == "discarded":
+            self._state = "initialized"
 
     def exit_initialization(self) -> None:
         """End initialisation."""
@@ -230,6 +257,14 @@ class FmuInstance(ABC):
     def _discarded(self) -> tuple[str, str]:
         """How far a discarded step came, and whether the FMU wants to end; empty where not."""
 
+    def save_state(self) -> bytes:
+        """All that the component holds between two steps, as bytes that another process can go on from."""
+        return save_state(self)
+
+    def load_state(self, serialized: bytes) -> None:
+        """Make the initialised component what it was when these bytes were saved."""
+        load_state(self, serialized)
+
     def terminate(self) -> None:
         """End the run, where FMI allows the call (FMI 2.0, 4.2.4: after a step, discarded or not)."""
         if self._state in ("initialized", "discarded") and not self.library.fatal:
@@ -239,9 +274,17 @@ class FmuInstance(ABC):
 
     def free(self) -> None:
         """Free the instance and unload the library; after a fatal status both are left alone: any call may crash."""
-        if self._state != "freed" and not self.library.fatal:
-            self.function("FreeInstance")(self.component)
-            fmpy.freeLibrary(self.dll._handle)
+        if self._state != "freed":
+            if not self.library.fatal:
+                for slot in self.slots:
+                    slot.free()
+                self.function("FreeInstance")(self.component)
+            # PythonFMU's libraries stay loaded, and touch freed memory when the process ends, unless they are told.
+            finalize = getattr(self.dll, "finalizePythonInterpreter", None)
+            if finalize is not None:
+                finalize()
+            if not self.library.fatal:
+                fmpy.freeLibrary(self.dll._handle)
         self._state = "freed"
 
     def warnings(self) -> tuple[str, ...]:

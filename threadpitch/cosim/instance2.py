@@ -83,9 +83,9 @@ class FmuInstance2(FmuInstance):
         self.check(self.dll.fmi2EnterInitializationMode(self.component), "initialisation failed")
 
     def do_step(self, time: float, step_size: float) -> None:
-        """Compute from ``time`` to ``time + step_size``; the master never steps back."""
+        """Compute from ``time`` to ``time + step_size``."""
         self.time = time
-        status = self._do_step(self.component, time, step_size, 1)
+        status = self._do_step(self.component, time, step_size, self.final)
         if status > WARNING:
             self.fail(status, "the step failed")
 

@@ -1,10 +1,10 @@
-"""FMUs of FMI 3.0 for co-simulation, without event mode and early return: the master decides how long a step is."""
+"""FMUs of FMI 3.0 for co-simulation, without event mode and early return, for which see ``event_mode``."""
 
 from __future__ import annotations
 
 import ctypes
 import os
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from fmpy.fmi3 import FMU3Slave, fmi3IntermediateUpdateCallback
@@ -19,6 +19,7 @@ class FmuInstance3(FmuInstance):
     """An FMU of FMI 3.0. ``followed`` are the inputs that are set in its intermediate updates."""
 
     prefix = "fmi3"
+    event_mode: ClassVar[bool] = False
 
     def __init__(self, name: str, library: Library, followed: References | None = None) -> None:
         self._followed = np.zeros(0, np.uint32) if followed is None else followed
@@ -40,7 +41,8 @@ class FmuInstance3(FmuInstance):
         resources = str(description.folder / "resources") + os.path.sep  # FMI 3.0.2, 2.3.1: ends with a separator
         updater = self._updater
         component = function(
-            self.name.encode(), description.guid.encode(), resources.encode(), False, True, False, False,
+            self.name.encode(), description.guid.encode(), resources.encode(), False, True,
+            self.event_mode, self.event_mode,
             self._followed.ctypes.data_as(function.argtypes[7]), self._followed.size,
             None if updater is None else updater.environment, self.messages.log_message,
             fmi3IntermediateUpdateCallback(0 if updater is None else updater.callback))
@@ -73,9 +75,9 @@ class FmuInstance3(FmuInstance):
         self.check(status, "initialisation failed")
 
     def do_step(self, time: float, step_size: float) -> None:
-        """Compute from ``time`` to ``time + step_size``; the master never steps back."""
+        """Compute from ``time`` to ``time + step_size``."""
         self.time = time
-        status = self._do_step(self.component, time, step_size, True, *self._answers)
+        status = self._do_step(self.component, time, step_size, self.final, *self._answers)
         if status > WARNING or self._ended.value:
             self.fail_step(status)
 

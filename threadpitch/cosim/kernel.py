@@ -12,8 +12,9 @@ from numba import carray  # type: ignore[attr-defined] # Numba's own types leave
 
 from threadpitch.compiled import compiled as compiled_by_numba
 from threadpitch.cosim import extrapolation
-from threadpitch.cosim.calls import call_five, call_four, call_step2, call_step3, pointer
+from threadpitch.cosim.calls import call_five, call_four, call_step2, call_step3, copy_bytes, pointer
 from threadpitch.cosim.extrapolation import Samples
+from threadpitch.cosim.iteration import Iterates
 from threadpitch.cosim.tables import (
     ANSWER,
     CALL,
@@ -21,12 +22,13 @@ from threadpitch.cosim.tables import (
     COPY,
     DONE,
     FOLLOW,
+    LOOP,
     NODE,
     NOT_A_NUMBER,
+    RUN,
     STEP_FAILED,
     WATCH,
     End,
-    Rows,
     Span,
     Tables,
     Views,
@@ -59,33 +61,7 @@ def gauss_seidel(at: Any, span: Span) -> Any:
                 what, status = publish(tables, i, span.start + (step + 1) * span.step_size)
             if what != DONE:
                 return End(step, i, what, status)
-        record(tables, step + 1, span.every)
-    return End(span.last, 0, DONE, 0)
-
-
-@compiled
-def jacobi(at: Any, span: Span) -> Any:
-    """All components receive their inputs at t, then all step to t + h, then all publish their outputs at t + h."""
-    tables = attach(at)
-    for step in range(span.first, span.last):
-        for i in range(tables.nodes.size):
-            if step % tables.nodes[i].multiple == 0:
-                what, status = receive(tables, i, span.start + step * span.step_size)
-                if what != DONE:
-                    return End(step, i, what, status)
-        for i in range(tables.nodes.size):
-            multiple = tables.nodes[i].multiple
-            if (step + 1) % multiple == 0:
-                start = span.start + (step + 1 - multiple) * span.step_size
-                what, status = do_step(tables, i, start, multiple * span.step_size)
-                if what != DONE:
-                    return End(step, i, what, status)
-        for i in range(tables.nodes.size):
-            if (step + 1) % tables.nodes[i].multiple == 0:
-                what, status = publish(tables, i, span.start + (step + 1) * span.step_size)
-                if what != DONE:
-                    return End(step, i, what, status)
-        record(tables, step + 1, span.every)
+        record(tables, step + 1, span)
     return End(span.last, 0, DONE, 0)
 
 
@@ -118,15 +94,15 @@ def attach(at: Any) -> Any:
         Samples(carray(pointer(at[20, 0]), (np.int64(at[20, 1]),), np.int64),
                 carray(pointer(at[21, 0]), (np.int64(at[21, 1]), np.int64(at[21, 2])), np.float64),
                 carray(pointer(at[22, 0]), (np.int64(at[22, 1]), np.int64(at[22, 2])), np.float64)),
-        Rows(
-            carray(pointer(at[23, 0]), (np.int64(at[23, 1]),), np.intp),
-            carray(pointer(at[24, 0]), (np.int64(at[24, 1]), np.int64(at[24, 2])), np.int64),
+        carray(pointer(at[23, 0]), (np.int64(at[23, 1]),), RUN),
+        carray(pointer(at[24, 0]), (np.int64(at[24, 1]),), LOOP),
+        Iterates(
             carray(pointer(at[25, 0]), (np.int64(at[25, 1]),), np.intp),
-            carray(pointer(at[26, 0]), (np.int64(at[26, 1]), np.int64(at[26, 2])), np.int32),
-            carray(pointer(at[27, 0]), (np.int64(at[27, 1]),), np.intp),
-            carray(pointer(at[28, 0]), (np.int64(at[28, 1]), np.int64(at[28, 2])), np.int16),
+            carray(pointer(at[26, 0]), (np.int64(at[26, 1]),), np.float64),
+            carray(pointer(at[27, 0]), (np.int64(at[27, 1]),), np.float64),
+            carray(pointer(at[28, 0]), (np.int64(at[28, 1]),), np.float64),
             carray(pointer(at[29, 0]), (np.int64(at[29, 1]),), np.intp),
-            carray(pointer(at[30, 0]), (np.int64(at[30, 1]), np.int64(at[30, 2])), np.int8),
+            carray(pointer(at[30, 0]), (np.int64(at[30, 1]),), np.uint8),
         ),
     )
 
@@ -151,9 +127,10 @@ def do_step(tables: Tables, i: int, start: float, step_size: float) -> Any:
     node = tables.nodes[i]
     tables.starts[i] = start
     if node.fmi == 2:
-        status = np.int64(call_step2(node.do_step, node.instance, start, step_size))
+        status = np.int64(call_step2(node.do_step, node.instance, start, step_size, np.int32(node.final)))
         return (STEP_FAILED if status > WARNING else DONE), status
-    status = np.int64(call_step3(node.do_step, node.instance, start, step_size, tables.answer_places[i]))
+    status = np.int64(call_step3(node.do_step, node.instance, start, step_size, np.int32(node.final),
+                                 tables.answer_places[i]))
     failed = status > WARNING or tables.answers[i].ended != 0
     return (STEP_FAILED if failed else DONE), status
 
@@ -168,8 +145,16 @@ def publish(tables: Tables, i: int, time: float) -> Any:
     tables.times[i] = time
     for w in range(node.first_watch, node.last_watch):
         watch = tables.watches[w]
-        value = tables.memory.f8[watch.index] if watch.type == 0 else np.float64(tables.memory.f4[watch.index])
-        if value != value:  # the test for NaN that needs no call
+        wrong = 0
+        if watch.width == 8:
+            reals = carray(pointer(watch.address), (watch.count,), np.float64)
+            for n in range(watch.count):
+                wrong += reals[n] != reals[n]  # the test for NaN that needs no call
+        else:
+            singles = carray(pointer(watch.address), (watch.count,), np.float32)
+            for n in range(watch.count):
+                wrong += singles[n] != singles[n]
+        if wrong > 0:
             return NOT_A_NUMBER, status
     return DONE, status
 
@@ -189,19 +174,14 @@ def transfer(tables: Tables, instance: int, first: int, last: int) -> Any:
 
 
 @inlined
-def record(tables: Tables, step: int, every: int) -> None:
+def record(tables: Tables, step: int, span: Span) -> None:
     """Copy the recorded values into their row, if the communication point has one."""
-    if step % every != 0:
+    if step % span.every != 0:
         return
-    row, memory, rows = step // every, tables.memory, tables.rows
-    for n in range(rows.places8.size):
-        rows.rows8[row, n] = memory.i8[rows.places8[n]]
-    for n in range(rows.places4.size):
-        rows.rows4[row, n] = memory.i4[rows.places4[n]]
-    for n in range(rows.places2.size):
-        rows.rows2[row, n] = memory.i2[rows.places2[n]]
-    for n in range(rows.places1.size):
-        rows.rows1[row, n] = memory.i1[rows.places1[n]]
+    row = np.uint64(step // span.every - span.drained)
+    for r in range(tables.runs.size):
+        run = tables.runs[r]
+        copy_bytes(run.target + row * run.stride, run.source, run.count)
 
 
 @inlined
@@ -235,9 +215,11 @@ def follow(tables: Tables, f: int, start: float) -> None:
 
 @inlined
 def convert(tables: Tables, c: int) -> None:
-    """A value of another type, or a linear transformation; check.py has made sure that it fits."""
+    """A value of another type, a linear transformation or a table; check.py has made sure that it fits."""
     one = tables.conversions[c]
-    if one.source_type <= 1:
+    if one.count > 0:
+        store_whole(tables, one.target_type, one.target, looked_up(tables, c))
+    elif one.source_type <= 1:
         convert_real(tables, c)
     elif one.target_type == BOOLEAN or one.source_type == BOOLEAN:
         convert_truth(tables, c)
@@ -269,10 +251,28 @@ def convert_truth(tables: Tables, c: int) -> None:
 
 
 @inlined
+def looked_up(tables: Tables, c: int) -> Any:
+    """What the table of a conversion gives for the source's value; that value itself where it is not in it."""
+    one = tables.conversions[c]
+    value = load_whole(tables, one.source_type, one.source)
+    pairs = carray(pointer(one.pairs), (2 * one.count,), np.int64)
+    low, high = 0, one.count
+    while low < high:
+        middle = (low + high) // 2
+        if pairs[middle] < value:
+            low = middle + 1
+        else:
+            high = middle
+    if low < one.count and pairs[low] == value:
+        return pairs[one.count + low]
+    return value
+
+
+@inlined
 def load_whole(tables: Tables, type_: int, index: int) -> Any:
     """A whole number of any type; one of 64 bits without sign goes nowhere else than into its like, by its bits."""
     memory = tables.memory
-    if type_ == 2:
+    if type_ in (2, 3):
         return memory.i8[index]
     if type_ == 4:
         return np.int64(memory.i4[index])
@@ -300,5 +300,3 @@ def store_whole(tables: Tables, type_: int, index: int, value: int) -> None:
     else:
         memory.i1[index] = np.int8(value)
 
-
-LOOPS = {"gauss-seidel": gauss_seidel, "jacobi": jacobi}

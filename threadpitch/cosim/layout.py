@@ -29,22 +29,28 @@ class FollowingPort:
 
 
 class Layout:
-    """By component: the ports of what is read, of what is written and held, and of what is written and followed."""
+    """By component: the ports of what is read once, of what is read after every step, of what is written and held, and
+    of what is written and followed.
+    """
 
     def __init__(self, names: Sequence[str], links: Iterable[Link], channels: Iterable[Channel],
                  method: Method) -> None:
         read: dict[str, _Wanted] = {name: {} for name in names}
+        fixed: dict[str, _Wanted] = {name: {} for name in names}
         held: dict[str, _Wanted] = {name: {} for name in names}
         followed: dict[str, _Wanted] = {name: {} for name in names}
         for channel in channels:
-            _want(read[channel.component], channel.variable)
+            _want((fixed if channel.variable.fixed else read)[channel.component], channel.variable)
         for link in links:
             _want(read[link.source_component], link.source)
+            _forget(fixed[link.source_component], link.source)
             _want((followed if method.follows(link) else held)[link.target_component], link.target)
         for name in names:
             _leave_arrays_whole(held[name], followed[name])
-        self.memory = Memory(_size((*read.values(), *held.values(), *followed.values()), method, followed))
+        groups = (*fixed.values(), *read.values(), *held.values(), *followed.values())
+        self.memory = Memory(_size(groups, method, followed))
         self._places: dict[tuple[str, str, str, int], int] = {}
+        self.fixed = {name: self._ports("read", name, wanted) for name, wanted in fixed.items()}
         self.read = {name: self._ports("read", name, wanted) for name, wanted in read.items()}
         self.held = {name: self._ports("written", name, wanted) for name, wanted in held.items()}
         self.followed = {name: self._following(name, wanted, method.order(name))
@@ -81,6 +87,13 @@ class Layout:
 
 def _want(wanted: _Wanted, variable: FmuVariable) -> None:
     wanted.setdefault(variable.c_type, {})[variable.reference] = variable.size
+
+
+def _forget(wanted: _Wanted, variable: FmuVariable) -> None:
+    found = wanted.get(variable.c_type, {})
+    found.pop(variable.reference, None)
+    if variable.c_type in wanted and not found:
+        del wanted[variable.c_type]
 
 
 def _leave_arrays_whole(held: _Wanted, followed: _Wanted) -> None:

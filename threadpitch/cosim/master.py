@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import time as clock
 from collections.abc import Callable, Iterable
@@ -15,6 +14,7 @@ from threadpitch.cosim.algorithms import ALGORITHMS, Algorithm
 from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.check import Setting
 from threadpitch.cosim.errors import SimulationInterrupted, TimeLimitError
+from threadpitch.cosim.initial_values import propagate
 from threadpitch.cosim.instance import Instance
 from threadpitch.cosim.interrupt import HeldInterrupt
 from threadpitch.cosim.network import Network
@@ -23,14 +23,13 @@ from threadpitch.cosim.schedule import Schedule
 Progress: TypeAlias = Callable[[int, int], None]  # (steps done, steps in all)
 
 _CHUNK_TIME = 0.05  # s of computing between two looks at progress and Ctrl-C
-_log = logging.getLogger(__name__)
 
 
 def initialize(network: Network, schedule: Schedule, settings: Iterable[Setting]) -> None:
     """Set values, initialise every component with consistent inputs, and record row 0.
 
     Values go along the links, in order, until they rest: once without feedback, at most once per component and once
-    more with it. An algebraic loop that does not rest by then is logged and starts with the last values.
+    more with it. An algebraic loop that does not rest by then is solved (see ``initial_values``).
 
     Raises:
         StepError: a component refuses a value or fails to initialise.
@@ -44,31 +43,35 @@ def initialize(network: Network, schedule: Schedule, settings: Iterable[Setting]
             node.instance.setup_experiment(schedule.start_time)
             node.instance.enter_initialization()
             node.prime()
-        _propagate(network)
+        propagate(network, schedule.start_time)
         for node in network.nodes:
             node.instance.exit_initialization()
+            node.settle()
             node.publish(schedule.start_time)
         for node in network.nodes:
             node.sample()
         network.record(0)
     if interrupt.requested:
-        raise SimulationInterrupted(schedule.start_time)
+        raise SimulationInterrupted(schedule.start_time, interrupt.signal)
 
 
 def run(network: Network, schedule: Schedule, algorithm: Algorithm | None = None, *,
-        progress: Progress | None = None, time_limit: float | None = None) -> None:
-    """Compute all steps, in chunks: between them progress is told, Ctrl-C and the limit [s of the clock] are obeyed.
+        progress: Progress | None = None, time_limit: float | None = None,
+        between: Callable[[], None] | None = None) -> None:
+    """Compute all steps that are not done, in chunks: between them progress is told, and Ctrl-C, SIGTERM and the limit
+    [s of the clock] are obeyed.
 
-    Without an algorithm that of the network's method is taken.
+    Without an algorithm that of the network's method is taken. ``between`` is called after every chunk, when all that
+    was computed is recorded.
 
     Raises:
         StepError: a component fails; rows recorded before are valid.
-        SimulationInterrupted: Ctrl-C was pressed; rows recorded before are valid.
+        SimulationInterrupted: Ctrl-C was pressed, or SIGTERM or SIGHUP came; rows recorded before are valid.
         TimeLimitError: the time is over; rows recorded before are valid.
     """
     advance = ALGORITHMS[network.method.coupling] if algorithm is None else algorithm
     end = math.inf if time_limit is None else clock.perf_counter() + time_limit
-    done, count = 0, 1
+    done, count = network.recorder.steps, 1
     with HeldInterrupt() as interrupt:
         while done < schedule.steps:
             began = clock.perf_counter()
@@ -78,28 +81,14 @@ def run(network: Network, schedule: Schedule, algorithm: Algorithm | None = None
             now = clock.perf_counter()
             elapsed = now - began
             count = max(1, count * 2 if elapsed < _CHUNK_TIME else count // 2 if elapsed > 4 * _CHUNK_TIME else count)
+            if between is not None:
+                between()
             if progress is not None:
                 progress(done, schedule.steps)
             if interrupt.requested:
-                raise SimulationInterrupted(schedule.time(done))
+                raise SimulationInterrupted(schedule.time(done), interrupt.signal)
             if now > end and done < schedule.steps:
                 raise TimeLimitError(schedule.time(done), time_limit or 0.0)
-
-
-def _propagate(network: Network) -> None:
-    for node in network.nodes:
-        node.get()  # feedback begins with the start values of the components behind
-    before = None
-    for _ in range(len(network.nodes) + 1):
-        for node in network.nodes:
-            node.hold()
-            node.get()
-        now = network.written_bits()
-        if now == before:
-            return
-        before = now
-    _log.warning("initial values of the feedback between components do not rest after %d rounds",
-                 len(network.nodes) + 1)
 
 
 def _by_component(settings: Iterable[Setting]) -> dict[str, list[Setting]]:

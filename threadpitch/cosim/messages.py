@@ -10,8 +10,9 @@ from __future__ import annotations
 import ctypes
 import functools
 import itertools
+import logging
 import weakref
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,7 @@ from fmpy import fmi2, fmi3
 
 LIMIT = 200  # messages kept per instance: an FMU that logs every step must not fill the memory
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4  # fmi2Status, fmi3Status
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,8 @@ class Messages:
     def __init__(self, instance_name: str) -> None:
         self.instance_name = instance_name
         self.kept: deque[Message] = deque(maxlen=LIMIT)
+        self._warned: Counter[str] = Counter()
+        self._more = 0  # warnings of which there were too many different ones
         key = next(_keys)
         _receivers[key] = self
         self.callbacks: Any = fmi2.fmi2CallbackFunctions()
@@ -55,8 +59,16 @@ class Messages:
             proxy(ctypes.byref(self.callbacks))
 
     def keep(self, message: Message) -> None:
-        """Add a message; the oldest goes when there are too many."""
+        """Add a message; the oldest goes when there are too many. A warning is logged when it comes first."""
         self.kept.append(message)
+        if message.status != WARNING:
+            return
+        if message.text not in self._warned and len(self._warned) == LIMIT:
+            self._more += 1
+            return
+        self._warned[message.text] += 1
+        if self._warned[message.text] == 1:
+            _log.warning("%s: %s", self.instance_name, message.text)
 
     def reason(self) -> str:
         """The last message of a failure, else the last of all; empty where there is none."""
@@ -65,8 +77,9 @@ class Messages:
         return texts[-1] if texts else ""
 
     def warnings(self) -> tuple[str, ...]:
-        """The texts of the messages that were logged as warnings."""
-        return tuple(message.text for message in self.kept if message.status == WARNING)
+        """The texts of the messages that were logged as warnings, each once, with how often it came."""
+        texts = [text if count == 1 else f"{text} ({count} times)" for text, count in self._warned.items()]
+        return (*texts, f"and {self._more} more warnings") if self._more else tuple(texts)
 
 
 _keys = itertools.count(1)

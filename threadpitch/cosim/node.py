@@ -14,13 +14,18 @@ from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.errors import StepError
 from threadpitch.cosim.extrapolation import Samples, add_sample, polynomial
 from threadpitch.cosim.instance import Instance, Polynomials, References, Transfer, Values
+from threadpitch.cosim.iteration import Iterates
 from threadpitch.cosim.layout import FollowingPort
 from threadpitch.cosim.memory import Memory, Port
+from threadpitch.cosim.state_slot import Slot
 
 
 @dataclass(frozen=True)
 class Copy:
-    """``target = factor * source + offset``, values of two C types at two bytes of the memory."""
+    """``target = factor * source + offset``, values of two C types at two bytes of the memory.
+
+    ``table`` holds pairs (source, target) of whole numbers and truth values; what is not in it stays.
+    """
 
     source_type: str
     source: int
@@ -28,12 +33,13 @@ class Copy:
     target: int
     factor: float = 1.0
     offset: float = 0.0
+    table: tuple[tuple[int, int], ...] = ()
 
     @property
     def plain(self) -> bool:
         """Whether the bits are copied as they are."""
         same = C_TYPES[self.source_type].dtype == C_TYPES[self.target_type].dtype
-        return same and (self.factor, self.offset) == (1.0, 0.0)
+        return same and (self.factor, self.offset) == (1.0, 0.0) and not self.table
 
     @property
     def source_index(self) -> int:
@@ -82,6 +88,7 @@ class Watch:
 class Wiring:
     """What joins a node to the memory."""
 
+    fixed: tuple[Port, ...] = ()  # read once
     read: tuple[Port, ...] = ()
     written: tuple[Port, ...] = ()  # all, that which follows included
     following: FollowingPort | None = None
@@ -94,25 +101,31 @@ class State(NamedTuple):
     """What the nodes of a network share, and the kernel works on.
 
     By node: ``times`` (nodes,) the communication points that the outputs belong to, ``starts`` (nodes,) where the last
-    step began, seconds. ``samples`` are the newest values of what inputs follow.
+    step began, seconds. ``samples`` are the newest values of what inputs follow, ``iterates`` what loops that are
+    iterated feed back. ``control`` holds the step size [s] that was found good last and its error over the allowed one
+    (zeros before), then the largest absolute value so far of every Real value that links bring.
     """
 
     memory: Memory
     times: NDArray[np.float64]
     starts: NDArray[np.float64]
     samples: Samples
+    iterates: Iterates
+    control: NDArray[np.float64]
 
 
 class Node:
-    """One instance, number ``number`` of the network, that steps at every ``multiple``-th communication point."""
+    """One instance, number ``number`` of the network; ``slot`` holds its state where steps are repeated."""
 
     def __init__(self, instance: Instance, number: int, wiring: Wiring, state: State) -> None:
         self.instance = instance
         self.name = instance.name
         self.number = number
         self.wiring = wiring
+        self.slot: Slot | None = None
         self._state = state
         self._getting = [_bound(instance.getter, port) for port in wiring.read]
+        self._fixing = [_bound(instance.getter, port) for port in wiring.fixed]
         self._priming = [_bound(instance.getter, port) for port in wiring.written
                          if port.values.size > port.references.size]
         self._copying = copiers(state.memory, wiring.copies)
@@ -143,11 +156,16 @@ class Node:
         for transfer in self._getting:
             transfer()
 
+    def settle(self) -> None:
+        """Get what stays as it is from the end of initialisation on."""
+        for transfer in self._fixing:
+            transfer()
+
     # Steps
 
     def sample(self) -> None:
         """Note the newest values of what inputs follow, with the time that they belong to."""
-        memory, times, _, samples = self._state
+        memory, times, samples = self._state.memory, self._state.times, self._state.samples
         for follow in self.wiring.follows:
             value = float(memory.view(np.float64)[follow.copy.source_index])
             if not follow.copy.plain:
@@ -173,6 +191,16 @@ class Node:
         """Compute from ``start`` on."""
         self._state.starts[self.number] = start
         self.instance.do_step(start, step_size)
+
+    def save(self) -> None:
+        """Keep the instance's state, before a step that may be repeated."""
+        if self.slot is not None:
+            self.slot.save()
+
+    def restore(self) -> None:
+        """Go back to the state that was kept."""
+        if self.slot is not None:
+            self.slot.restore()
 
     def publish(self, time: float) -> None:
         """Get what links and recording need, and refuse to pass on what is not a number; all belongs to ``time``."""
@@ -201,12 +229,27 @@ class Node:
 
 
 def copiers(memory: Memory, copies: Sequence[Copy]) -> list[Transfer]:
-    """The calls that do the copies: one for all that have the same types, and are plain or not."""
+    """The calls that do the copies: one for all that have the same types, and are plain or not; one for each table."""
+    tabled = [_by_table(memory, copy) for copy in copies if copy.table]
+    copies = [copy for copy in copies if not copy.table]
     groups: dict[tuple[np.dtype[Any], np.dtype[Any], bool], list[Copy]] = {}
     for copy in copies:
         dtypes = C_TYPES[copy.source_type].dtype, C_TYPES[copy.target_type].dtype
         groups.setdefault((*dtypes, copy.plain), []).append(copy)
-    return [_copier(memory.view(source), memory.view(target), group) for (source, target, _), group in groups.items()]
+    return tabled + [_copier(memory.view(source), memory.view(target), group)
+                     for (source, target, _), group in groups.items()]
+
+
+def _by_table(memory: Memory, copy: Copy) -> Transfer:
+    sources = memory.view(C_TYPES[copy.source_type].dtype)
+    targets = memory.view(C_TYPES[copy.target_type].dtype)
+    source, target, table = copy.source_index, copy.target_index, dict(copy.table)
+
+    def look_up() -> None:
+        value = int(sources[source])
+        targets[target] = table.get(value, value)
+
+    return look_up
 
 
 def _copier(sources: NDArray[Any], targets: NDArray[Any], group: Sequence[Copy]) -> Transfer:

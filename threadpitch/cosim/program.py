@@ -7,16 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from threadpitch.cosim.algorithms import unsettled
 from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.instance import FmuInstance
 from threadpitch.cosim.instance2 import FmuInstance2, derivative_arguments
 from threadpitch.cosim.instance3 import FmuInstance3
 from threadpitch.cosim.intermediate import function_address
-from threadpitch.cosim.kernel import LOOPS
+from threadpitch.cosim.kernel_loops import COUPLINGS
 from threadpitch.cosim.memory import Port
 from threadpitch.cosim.network import Network
-from threadpitch.cosim.node import Copy, Follow, Node
+from threadpitch.cosim.node import Copy, Follow, Node, Watch
 from threadpitch.cosim.schedule import Schedule
+from threadpitch.cosim.state_slot import FmuSlot
 from threadpitch.cosim.tables import (
     ANSWER,
     CALL,
@@ -24,17 +26,21 @@ from threadpitch.cosim.tables import (
     COPY,
     DONE,
     FOLLOW,
+    LOOP,
     NODE,
     NOT_A_NUMBER,
+    RUN,
+    STATE_FAILED,
     STEP_FAILED,
+    UNSETTLED,
     WATCH,
     Records,
-    Rows,
     Span,
     Tables,
     Views,
     code,
     places,
+    runs,
 )
 
 
@@ -42,12 +48,13 @@ class Program:
     """An algorithm over one network: ``program(network, schedule, steps)`` as those in ``algorithms``."""
 
     def __init__(self, network: Network) -> None:
-        self._loop = LOOPS[network.method.coupling]
+        self._loop = COUPLINGS[network.method.coupling]
         self._instances: list[FmuInstance] = []
         self._functions: list[str] = []  # by call
         self._kept: list[object] = []  # arrays whose addresses are in the calls
         self._records: dict[str, list[tuple[Any, ...]]] = {
             table: [] for table in ("copy", "conversion", "follow", "call", "watch")}
+        self._begin = network.octets.ctypes.data
         nodes = [self._node(node, network.multiples[node.number]) for node in network.nodes]
         self._tables = self._build(network, nodes)
         self._places = places(self._tables)
@@ -59,12 +66,16 @@ class Program:
             StepError: as the plain algorithm.
         """
         recorder = network.recorder
-        span = Span(steps.start, steps.stop, schedule.start_time, schedule.step_size, recorder.every)
-        end = self._loop(self._places, span)
-        recorder.steps = end.steps
-        recorder.filled = end.steps // recorder.every + 1
-        if end.what != DONE:
-            self._fail(network, schedule, end)
+        first = steps.start
+        while first < steps.stop:
+            last = min(steps.stop, recorder.room())
+            span = Span(first, last, schedule.start_time, schedule.step_size, recorder.every, recorder.drained,
+                        network.method.tolerance, network.method.iterations)
+            end = self._loop(self._places, span)
+            recorder.advance(end.steps)
+            if end.what != DONE:
+                self._fail(network, schedule, end)
+            first = last
 
     def _fail(self, network: Network, schedule: Schedule, end: Any) -> None:
         """Raise what the plain algorithm would have raised."""
@@ -72,6 +83,11 @@ class Program:
         instance.time = float(network.state.starts[end.node])
         if end.what == NOT_A_NUMBER:
             network.nodes[end.node].check(schedule.time(end.steps + 1))
+        elif end.what == UNSETTLED:
+            loop = next(loop for loop in network.loops if loop.first == end.node)
+            raise unsettled(network, loop, schedule.time(end.steps + 1))
+        elif end.what == STATE_FAILED:
+            instance.fail(end.status, "its state cannot be kept or restored")
         elif end.what != STEP_FAILED:
             instance.fail(end.status, f"{self._functions[end.what]} failed")
         elif isinstance(instance, FmuInstance3):
@@ -84,11 +100,9 @@ class Program:
     # Tables
 
     def _build(self, network: Network, nodes: Sequence[tuple[int, ...]]) -> Tables:
-        memory, times, starts, samples = network.state
+        memory, times, starts, samples, iterates, _ = network.state
         answers = np.zeros(len(nodes), ANSWER)
         answer_places = answers.ctypes.data + np.arange(len(nodes), dtype=np.uintp) * np.uintp(ANSWER.itemsize)
-        rows: list[Any] = [part for width in (8, 4, 2, 1)
-                           for part in (network.recorded[width], network.recorder.rows[width])]
         return Tables(
             nodes=_records(nodes, NODE),
             copies=_records(self._records["copy"], COPY),
@@ -98,7 +112,8 @@ class Program:
             watches=_records(self._records["watch"], WATCH),
             answers=answers, answer_places=answer_places.astype(np.uintp),
             memory=Views(*(memory.view(name) for name in Views._fields)),
-            times=times, starts=starts, samples=samples, rows=Rows(*rows))
+            times=times, starts=starts, samples=samples, runs=_runs(network),
+            loops=_records(network.loops, LOOP), iterates=iterates)
 
     def _node(self, node: Node, multiple: int) -> tuple[int, ...]:
         """The record of one node, after those of its parts."""
@@ -107,7 +122,7 @@ class Program:
         self._instances.append(instance)
         wiring = node.wiring
         copies = [_copy(copy) for copy in wiring.copies if copy.plain]
-        conversions = [_conversion(copy) for copy in wiring.copies if not copy.plain]
+        conversions = [self._conversion(copy) for copy in wiring.copies if not copy.plain]
         sets = [self._call(instance, C_TYPES[port.c_type].setter, port) for port in wiring.written]
         if wiring.following is not None and isinstance(instance, FmuInstance2):
             sets.append(self._derivative_call(instance, node))
@@ -116,11 +131,15 @@ class Program:
             self._add("copy", copies), self._add("conversion", conversions),
             self._add("follow", [_follow(follow) for follow in wiring.follows]),
             self._add("call", sets), self._add("call", gets),
-            self._add("watch", [(code(C_TYPES[watch.c_type].dtype), watch.index) for watch in wiring.watched]),
+            self._add("watch", _watches(self._begin, wiring.watched)),
         ]
         fmi = int(instance.prefix[-1])
         do_step = function_address(instance.function("DoStep"))
-        return (fmi, instance.component, do_step, multiple, *(end for span in spans for end in span))
+        get_state, set_state, slot = 0, 0, 0
+        if isinstance(node.slot, FmuSlot):
+            (get_state, set_state), slot = node.slot.functions, node.slot.address
+        return (fmi, instance.component, do_step, multiple, int(instance.final), get_state, set_state, slot,
+                *(end for span in spans for end in span))
 
     def _add(self, table: str, records: Sequence[tuple[Any, ...]]) -> tuple[int, int]:
         """First and last + 1 of the rows that the records get."""
@@ -128,6 +147,13 @@ class Program:
         first = len(rows)
         rows.extend(records)
         return first, len(rows)
+
+    def _conversion(self, copy: Copy) -> tuple[float, ...]:
+        columns = np.array([_signed(value) for column in zip(*sorted(
+            (_signed(source), target) for source, target in copy.table), strict=True) for value in column], np.int64)
+        self._kept.append(columns)
+        return (code(C_TYPES[copy.source_type].dtype), copy.source_index, code(C_TYPES[copy.target_type].dtype),
+                copy.target_index, copy.factor, copy.shift, columns.ctypes.data, len(copy.table))
 
     def _call(self, instance: FmuInstance, function: str, port: Port) -> tuple[int, ...]:
         self._functions.append(function)
@@ -145,6 +171,24 @@ class Program:
                 orders.ctypes.data, following.derivatives.ctypes.data, 5)
 
 
+def _runs(network: Network) -> Records:
+    """What is copied into a row: the fewest stretches of bytes."""
+    begin, records = network.octets.ctypes.data, []
+    for width, rows in network.recorder.rows.items():
+        for first, place, count in runs(network.recorded[width].tolist()):
+            records.append((begin + first * width, rows.ctypes.data + place * width, rows.strides[0], count * width))
+    return _records(records, RUN)
+
+
+def _watches(begin: int, watched: Sequence[Watch]) -> list[tuple[int, int, int]]:
+    """Values that are looked at for NaN, as stretches of the memory, which begins at this address."""
+    records = []
+    for dtype in {C_TYPES[watch.c_type].dtype: None for watch in watched}:
+        places = sorted(watch.index for watch in watched if C_TYPES[watch.c_type].dtype == dtype)
+        records += [(begin + first * dtype.itemsize, dtype.itemsize, count) for first, _, count in runs(places)]
+    return records
+
+
 def _records(rows: Sequence[tuple[Any, ...]], dtype: np.dtype[Any]) -> Records:
     return np.array(list(rows), dtype)
 
@@ -153,9 +197,9 @@ def _copy(copy: Copy) -> tuple[int, ...]:
     return (C_TYPES[copy.source_type].dtype.itemsize, copy.source_index, copy.target_index)
 
 
-def _conversion(copy: Copy) -> tuple[float, ...]:
-    return (code(C_TYPES[copy.source_type].dtype), copy.source_index, code(C_TYPES[copy.target_type].dtype),
-            copy.target_index, copy.factor, copy.shift)
+def _signed(value: int) -> int:
+    """The number of 64 bits with sign that has the same bits."""
+    return value - 2**64 if value >= 2**63 else value
 
 
 def _follow(follow: Follow) -> tuple[float, ...]:

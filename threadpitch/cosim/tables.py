@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from threadpitch.cosim.extrapolation import Samples
+from threadpitch.cosim.iteration import Iterates, Loop
 
 TYPES = tuple(map(np.dtype, ("f8", "f4", "i8", "u8", "i4", "u4", "i2", "u2", "i1", "u1", "?")))  # by their codes
 
 # One instance. `first_...` to `last_...` are its rows in the other tables.
 NODE = np.dtype([
     ("fmi", "i8"), ("instance", "u8"), ("do_step", "u8"), ("multiple", "i8"),
+    ("final", "i8"), ("get_state", "u8"), ("set_state", "u8"), ("slot", "u8"),
     *((f"{end}_{table}", "i8") for table in ("copy", "conversion", "follow", "set", "get", "watch")
       for end in ("first", "last"))])
 # A C function of three to five arguments behind the instance, see calls.py.
 CALL = np.dtype([("function", "u8"), ("references", "u8"), ("count", "u8"), ("fourth", "u8"), ("fifth", "u8"),
                  ("arguments", "i8")])
+# `pairs` is the address of a table of whole numbers: `count` sources in rising order, then their targets.
 COPY = np.dtype([("width", "i8"), ("source", "i8"), ("target", "i8")])
 CONVERSION = np.dtype([("source_type", "i8"), ("source", "i8"), ("target_type", "i8"), ("target", "i8"),
-                       ("factor", "f8"), ("shift", "f8")])
+                       ("factor", "f8"), ("shift", "f8"), ("pairs", "u8"), ("count", "i8")])
 FOLLOW = np.dtype([("number", "i8"), ("giver", "i8"), ("source", "i8"), ("target", "i8"), ("order", "i8"),
                    ("first", "i8"), ("second", "i8"), ("plain", "i8"), ("factor", "f8"), ("shift", "f8")])
-WATCH = np.dtype([("type", "i8"), ("index", "i8")])
+# Float64 (width 8) or Float32 values that follow each other.
+WATCH = np.dtype([("address", "u8"), ("width", "i8"), ("count", "i8")])
+# Bytes that follow each other in the memory and in a recorded row: the first of them in both, in row 0, and the bytes
+# from one row to the next.
+RUN = np.dtype([("source", "u8"), ("target", "u8"), ("stride", "u8"), ("count", "u8")])
+LOOP = np.dtype([(name, "i8") for name in Loop._fields])
 # What fmi3DoStep answers, in the order that calls.call_step3 knows.
 ANSWER = np.dtype([("reached", "f8"), ("event", "u1"), ("ended", "u1"), ("early", "u1"), ("unused", "u1", (5,))])
 
@@ -46,19 +55,6 @@ class Views(NamedTuple):
     u1: NDArray[np.uint8]
 
 
-class Rows(NamedTuple):
-    """What is recorded, by width: the places (n,) in the memory, and the rows (count, n)."""
-
-    places8: NDArray[np.intp]
-    rows8: NDArray[np.int64]
-    places4: NDArray[np.intp]
-    rows4: NDArray[np.int32]
-    places2: NDArray[np.intp]
-    rows2: NDArray[np.int16]
-    places1: NDArray[np.intp]
-    rows1: NDArray[np.int8]
-
-
 class Tables(NamedTuple):
     """All that the kernel works on."""
 
@@ -74,17 +70,25 @@ class Tables(NamedTuple):
     times: NDArray[np.float64]
     starts: NDArray[np.float64]
     samples: Samples
-    rows: Rows
+    runs: Records
+    loops: Records
+    iterates: Iterates
 
 
 class Span(NamedTuple):
-    """Steps ``first`` to ``last`` - 1 that begin at ``start + n * step_size``; every n-th point is recorded."""
+    """Steps ``first`` to ``last`` - 1 that begin at ``start + n * step_size``; every n-th point is recorded.
+
+    ``drained`` rows have left the recorder's block before. Loops are iterated to the tolerance in so many sweeps.
+    """
 
     first: int
     last: int
     start: float
     step_size: float
     every: int
+    drained: int
+    tolerance: float
+    iterations: int
 
 
 class End(NamedTuple):
@@ -96,18 +100,30 @@ class End(NamedTuple):
     status: int
 
 
+def runs(numbers: Sequence[int]) -> list[tuple[int, int, int]]:
+    """Ascending stretches of numbers, in their order: the first, its place in the sequence, how many."""
+    found: list[tuple[int, int, int]] = []
+    for place, number in enumerate(numbers):
+        if found and number == found[-1][0] + found[-1][2]:
+            found[-1] = (*found[-1][:2], found[-1][2] + 1)
+        else:
+            found.append((number, place, 1))
+    return found
+
+
 def places(tables: Tables) -> NDArray[np.uint64]:
     """Address, length and width of every array in the tables, (arrays, 3), in their order.
 
     Compiled code that is handed arrays counts the references to each of them in every call, which takes ten times
     what the loop itself does; arrays that it makes of addresses have no owner and no count.
     """
-    arrays = [*tables[:8], *tables.memory, tables.times, tables.starts, *tables.samples, *tables.rows]
+    arrays = [*tables[:8], *tables.memory, tables.times, tables.starts, *tables.samples, tables.runs,
+              tables.loops, *tables.iterates]
     return np.array([(array.ctypes.data, array.shape[0], array.shape[1] if array.ndim == 2 else 1)
                      for array in arrays], np.uint64)
 
 
-DONE, STEP_FAILED, NOT_A_NUMBER = -1, -2, -3
+DONE, STEP_FAILED, NOT_A_NUMBER, STATE_FAILED, UNSETTLED = -1, -2, -3, -4, -5
 
 
 def code(dtype: np.dtype[Any]) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 
 from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.errors import CosimError
-from threadpitch.cosim.system import ParameterValue, Value, nearest
+from threadpitch.cosim.system import ParameterValue, Transformation, Value, nearest
 from threadpitch.cosim.variable import FmuVariable
 from threadpitch.units import Unit, UnitError, between, unit
 
@@ -96,6 +96,8 @@ def from_si(value: object, variable: FmuVariable, known: Known = unit) -> Value:
 def from_parameter_set(value: ParameterValue, variable: FmuVariable, known: Known = unit) -> Value:
     """The value in the variable's unit, of an entry of an SSV: in the unit it states, else in the variable's own.
 
+    The linear transformation of a parameter mapping comes after the conversion of units (SSP 1.0, 5.5.1).
+
     Raises:
         VariableValueError: as ``from_si``.
     """
@@ -104,11 +106,12 @@ def from_parameter_set(value: ParameterValue, variable: FmuVariable, known: Know
         if isinstance(given, str) and variable.family not in ("String", "Enumeration"):
             raise VariableValueError(f"{given!r} is a text, but the variable is {variable.type}")
         return from_si(given, variable, known)
-    if value.unit is None:
-        return _in_range(float(given), variable)
-    definition = value.definition
-    lookup: Known = known if definition is None else lambda name: definition if name == value.unit else known(name)
-    return _in_range(_from_unit(float(given), value.unit, variable, lookup), variable)
+    number, way = float(given), value.transformation or Transformation()
+    if value.unit is not None and way.convert_units:
+        definition = value.definition
+        lookup: Known = known if definition is None else lambda name: definition if name == value.unit else known(name)
+        number = _from_unit(number, value.unit, variable, lookup)
+    return _in_range(number if way == Transformation() else way.factor * number + way.offset, variable)
 
 
 def _from_unit(number: float, written: str | None, variable: FmuVariable, known: Known) -> float:

@@ -50,6 +50,11 @@ class FmuVariable:
         return "Integer" if self.family == "Enumeration" else self.family
 
     @property
+    def fixed(self) -> bool:
+        """Whether it stays what it is when initialisation ends: a master sets no parameters in a run."""
+        return self.causality in ("parameter", "calculatedParameter", "structuralParameter")
+
+    @property
     def exchanged(self) -> bool:
         """Whether it can be connected and recorded: not texts, bytes and clocks."""
         return self.c_type in C_TYPES

@@ -13,7 +13,7 @@ from threadpitch.cosim.document import Element
 from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.variable import FmuVariable
 
-MOST_ELEMENTS = 10**6  # of one array: each is a variable of its own here
+MOST_ELEMENTS = 10**6  # of one array and of all variables: each is a variable of its own here
 _TRUTH = {"true": 1.0, "false": 0.0}
 
 
@@ -38,11 +38,16 @@ def read_variables(description: Any, root: Element) -> Iterator[FmuVariable]:
     extras = _Extras(_choices(root), _followed(root))
     fmi = int(str(description.fmiVersion)[0])
     interpolates = fmi == 2 and description.coSimulation.canInterpolateInputs
+    count = 0
     for found in description.modelVariables:
         one = _variable(found, extras, fmi)
         if interpolates and one.causality == "input" and one.type == "Real":
             one = _with(one, interpolated=True)
-        yield from _elements(one, found)
+        for element in _elements(one, found):
+            count += 1
+            if count > MOST_ELEMENTS:
+                raise VariablesError(f"more than {MOST_ELEMENTS} variables, of which {one.name} is one; refused")
+            yield element
 
 
 def to_number(text: str | None) -> float | None:
@@ -83,6 +88,8 @@ def _elements(one: FmuVariable, found: Any) -> Iterator[FmuVariable]:
     size = math.prod(found.shape)
     if not 0 <= size <= MOST_ELEMENTS:
         raise VariablesError(f"variable {one.name}: an array of {size} elements; at most {MOST_ELEMENTS} can be read")
+    if size == 0:  # the other extents may be of any size
+        return
     for element, index in enumerate(itertools.product(*(range(1, extent + 1) for extent in found.shape))):
         start = None if not starts else starts[0] if len(starts) == 1 else starts[min(element, len(starts) - 1)]
         yield _with(one, name=f"{one.name}[{','.join(map(str, index))}]", element=element, size=size, start=start)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from threadpitch.cycles.moves import Kind, Move, Pass, SpindleSpeed, SpindleStop, SurfaceSpeed, Thread
+from threadpitch.cycles.moves import TURN, Kind, Move, Pass, SpindleSpeed, SpindleStop, SurfaceSpeed, Thread
 
 SAME = 1e-9  # m; a tenth of a thousandth of the least input increment
 
@@ -58,6 +59,19 @@ def spindle_of_passes(moves: Iterable[Move]) -> dict[int, SpindleSpeed | Surface
         elif isinstance(move, Thread):
             found.setdefault(move.pass_number, spindle)
     return found
+
+
+def turning_speed(command: SpindleSpeed | SurfaceSpeed, cut: Pass) -> float:
+    """rad/s: as commanded; of a constant surface speed v / r at the pass's smallest radius, where it turns fastest."""
+    if isinstance(command, SpindleSpeed):
+        return command.speed
+    radius = min(abs(point.x) for path in cut.paths for point in (path.start, path.end))
+    return command.speed / radius if radius > 0.0 else math.inf
+
+
+def largest_feed(cut: Pass, speed: float) -> float:
+    """max(lead, end lead) speed / 2 pi: what the long axis of the pass has to do, m/s."""
+    return max(max(path.lead, path.end_lead) for path in cut.paths) * speed / TURN
 
 
 def _groove(cut: Pass) -> tuple[float, ...]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
+import io
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
+
+from threadpitch.fmu.cache import write_file
 
 _FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can hold: entries carry no time of the build
 _UNIX = 3
@@ -20,17 +22,20 @@ def write_archive(path: Path, entries: Mapping[str, bytes]) -> None:
     Raises:
         OSError: the folder cannot be made or written.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name in sorted(entries):
+            archive.writestr(_entry(name), entries[name], zipfile.ZIP_DEFLATED, 9)
+    write_file(path, stream.getvalue())
+
+
+def is_whole(path: Path) -> bool:
+    """Whether the file is a zip file whose entries all have their checksums."""
     try:
-        with os.fdopen(handle, "wb") as stream, zipfile.ZipFile(stream, "w") as archive:
-            for name in sorted(entries):
-                archive.writestr(_entry(name), entries[name], zipfile.ZIP_DEFLATED, 9)
-        Path(temporary).chmod(0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+        with zipfile.ZipFile(path) as archive:
+            return archive.testzip() is None
+    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError):
+        return False
 
 
 def _entry(name: str) -> zipfile.ZipInfo:

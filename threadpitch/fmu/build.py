@@ -12,6 +12,7 @@ from pathlib import Path
 
 import threadpitch
 from threadpitch.fmu import native, python_fmu
+from threadpitch.fmu.archive import is_whole
 from threadpitch.fmu.cache import cache_folder
 from threadpitch.fmu.compiler import platform_named
 from threadpitch.fmu.documentation import icon
@@ -52,7 +53,8 @@ def cached_fmu(model_path: Path | str, flavor: str = "python", *, fmi: int = 2,
     """The FMU of a model file from the cache, built when it is not there; arguments as in ``build_fmu``.
 
     The folder's name is a hash of all that the FMU is made from, and the file appears in one move: two processes may
-    build at once. The cache is in the user's cache folder, or where ``THREADPITCH_CACHE`` says.
+    build at once. A damaged file is built again. The cache is in the user's cache folder, or where
+    ``THREADPITCH_CACHE`` says.
 
     Raises:
         ModelError, BuildError, OSError: as ``build_fmu``.
@@ -61,7 +63,7 @@ def cached_fmu(model_path: Path | str, flavor: str = "python", *, fmi: int = 2,
     model = read_model(model_path)
     folder = cache_folder() / "fmu" / _content_key(model, builder)
     path = native.fmu_path(model, folder, builder.fmi)
-    return path if path.is_file() else builder.build(model, folder)
+    return path if is_whole(path) else builder.build(model, folder)
 
 
 def _builder(flavor: str, fmi: int, platforms: Sequence[str] | None) -> _Builder:

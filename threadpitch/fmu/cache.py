@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
+import uuid
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -28,22 +28,31 @@ def write_file(path: Path, content: bytes) -> None:
         OSError: the folder cannot be made or written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    # not by tempfile, which lets nobody else read: here the umask says who may
+    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(content)
         os.replace(temporary, path)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 
 def write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Make the folder with these files where it is not there yet; two processes may do it at once.
+    """Make the folder with these files, where they are not there yet; two processes may do it at once.
 
     Raises:
         OSError: the folder cannot be made or written.
     """
     for name, content in files.items():
-        if not (folder / name).is_file():
+        if not _holds(folder / name, content):
             write_file(folder / name, content)
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    try:
+        return path.read_bytes() == content
+    except FileNotFoundError:
+        return False

@@ -14,8 +14,15 @@ from typing import Any
 
 import fmpy
 from fmpy import read_model_description
-from fmpy.fmi2 import FMU2Slave
-from fmpy.fmi3 import FMU3Slave
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import (
+    FMU2Slave,
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+)
+from fmpy.fmi3 import FMU3Slave, fmi3LogMessageCallback
 
 from threadpitch.fmu.reference import FOLDER
 
@@ -23,11 +30,27 @@ _KINDS2 = {"Real": "Real", "Integer": "Integer", "Boolean": "Boolean"}
 _KINDS3 = {"Float64": "Float64", "Int32": "Int32", "Boolean": "Boolean"}
 
 
+_DISCARD = 2  # fmi2Discard and fmi3Discard
+
+
 @dataclass(frozen=True)
 class _Table:
     names: tuple[str, ...]
     times: tuple[float, ...]  # s
     rows: tuple[tuple[float, ...], ...]  # (times, names)
+
+
+@dataclass(frozen=True)
+class _Results:
+    """The reference results: see ``threadpitch.fmu.reference``."""
+
+    inputs: _Table
+    outputs: _Table
+
+    @property
+    def refuses(self) -> bool:
+        """Whether the step after the last is refused."""
+        return len(self.inputs.rows) == len(self.outputs.rows)
 
 
 def check_built(fmu: Path | str) -> list[str]:
@@ -55,34 +78,51 @@ def _problems(folder: Path, description: Any) -> Iterator[str]:
     if not (folder / "binaries" / platform / f"{name}{fmpy.sharedLibraryExtension}").is_file():
         yield f"it holds no library for {platform}; build it for this platform"
         return
+    log: list[str] = []
     try:
-        inputs, outputs = (_read(folder / FOLDER / f"{name}_{part}.csv") for part in ("in", "ref"))
+        results = _results(folder / FOLDER, name)
     except (OSError, ValueError) as error:
         yield f"its reference results cannot be read ({error}); build it again"
         return
     try:
-        yield from _differences((_Slave2 if version2 else _Slave3)(folder, description), inputs, outputs)
+        yield from _differences((_Slave2 if version2 else _Slave3)(folder, description, log), results)
     except Exception as error:  # FMPy raises bare Exception for the FMU's refusals
-        yield f"it does not run ({error}); build it again"
+        yield f"it does not run ({log[-1] if log else error}); build it again"
 
 
-def _differences(slave: _Slave2, inputs: _Table, outputs: _Table) -> Iterator[str]:
-    """The first difference of every output."""
+def _differences(slave: _Slave2, results: _Results) -> Iterator[str]:
+    """The first difference of every output, and a step that the reference refuses and the FMU computes."""
     differing: set[str] = set()
+    inputs, outputs = results.inputs, results.outputs
     try:
         slave.put(inputs.names, inputs.rows[0])
         slave.initialize()
         for number, (time, expected) in enumerate(zip(outputs.times, outputs.rows, strict=True)):
             if number > 0:
-                before = outputs.times[number - 1]
                 slave.put(inputs.names, inputs.rows[number - 1])
-                slave.slave.doStep(before, outputs.times[1] - outputs.times[0])
+                slave.slave.doStep(outputs.times[number - 1], outputs.times[1] - outputs.times[0])
             for name, found, wanted in zip(outputs.names, slave.get(outputs.names), expected, strict=True):
                 if not _same(found, wanted) and name not in differing:
                     differing.add(name)
                     yield f"{name} is {found!r} at {time!r} s where the reference has {wanted!r}"
+        if results.refuses and _computes(slave, results):
+            yield (f"the step from {outputs.times[-1]!r} s is computed where Python refuses it; guard the model: no "
+                   "index outside, no division by zero, no root of a negative number")
     finally:
         slave.slave.freeInstance()
+
+
+def _computes(slave: _Slave2, results: _Results) -> bool:
+    """Whether the FMU computes the step after the last."""
+    times = results.outputs.times
+    slave.put(results.inputs.names, results.inputs.rows[-1])
+    try:
+        slave.slave.doStep(times[-1], times[1] - times[0])
+    except FMICallException as error:
+        if error.status != _DISCARD:
+            raise
+        return False
+    return True
 
 
 def _same(one: float, other: float) -> bool:
@@ -92,16 +132,24 @@ def _same(one: float, other: float) -> bool:
 class _Slave2:
     """An FMU of FMI 2.0 by the names of its scalars."""
 
-    def __init__(self, folder: Path, description: Any) -> None:
+    def __init__(self, folder: Path, description: Any, log: list[str]) -> None:
+        self.log = log
         self.variables = {variable.name: variable for variable in description.modelVariables}
         self.slave = self._instantiated(folder, description)
 
     def _instantiated(self, folder: Path, description: Any) -> Any:
         slave = FMU2Slave(guid=description.guid, unzipDirectory=str(folder), instanceName="check",
                           modelIdentifier=description.coSimulation.modelIdentifier)
-        slave.instantiate()
+        callbacks = fmi2CallbackFunctions()
+        callbacks.logger = fmi2CallbackLoggerTYPE(self._logged)
+        callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        slave.instantiate(callbacks=callbacks, loggingOn=True)
         slave.setupExperiment(startTime=0.0)
         return slave
+
+    def _logged(self, *message: Any) -> None:
+        self.log.append(message[-1].decode(errors="replace"))
 
     def initialize(self) -> None:
         self.slave.enterInitializationMode()
@@ -128,7 +176,7 @@ class _Slave3(_Slave2):
         self.arrays: dict[str, list[float]] = {}
         slave = FMU3Slave(guid=description.instantiationToken, unzipDirectory=str(folder), instanceName="check",
                           modelIdentifier=description.coSimulation.modelIdentifier)
-        slave.instantiate()
+        slave.instantiate(loggingOn=True, logMessage=fmi3LogMessageCallback(self._logged))
         return slave
 
     def initialize(self) -> None:
@@ -158,10 +206,35 @@ def _grouped(names: Sequence[str], values: Sequence[float]) -> dict[str, list[fl
     return found
 
 
+def _results(folder: Path, name: str) -> _Results:
+    """The reference results in a folder.
+
+    Raises:
+        OSError, ValueError: a file is missing, or does not fit the others.
+    """
+    found = _Results(*(_read(folder / f"{name}_{part}.csv") for part in ("in", "ref")))
+    steps = len(found.outputs.rows) - 1
+    if len(found.inputs.rows) not in (steps, steps + 1) or steps < 1:
+        raise ValueError(f"{name}_in.csv holds {len(found.inputs.rows)} rows for the {steps} steps of {name}_ref.csv")
+    stop_time = _options(folder / f"{name}_ref.opt").get("StopTime", math.nan)
+    if found.outputs.times[-1] != stop_time:
+        raise ValueError(f"{name}_ref.csv ends at {found.outputs.times[-1]!r} s, and {name}_ref.opt has the StopTime "
+                         f"{stop_time!r} s")
+    return found
+
+
 def _read(path: Path) -> _Table:
     with io.StringIO(path.read_text(encoding="utf-8")) as stream:
-        header, *lines = list(csv.reader(stream))
+        header, *lines = list(csv.reader(stream)) or [[]]
+    for number, line in enumerate(lines, 2):
+        if len(line) != len(header):
+            raise ValueError(f"line {number} of {path.name} holds {len(line)} cells, and the header {len(header)}")
     numbers = [tuple(float(cell) for cell in line) for line in lines]
     if not numbers:
         raise ValueError(f"{path.name} holds no row")
     return _Table(tuple(header[1:]), tuple(row[0] for row in numbers), tuple(row[1:] for row in numbers))
+
+
+def _options(path: Path) -> dict[str, float]:
+    pairs = (line.partition(",") for line in path.read_text(encoding="utf-8").splitlines())
+    return {name.strip(): float(value) for name, _, value in pairs}

@@ -23,7 +23,8 @@ from pathlib import Path
 from threadpitch.fmu.cache import cache_folder, write_folder
 from threadpitch.fmu.failure import BuildError
 
-FLAGS = ("-std=gnu99", "-O3", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-fast-math",
+NO_CONTRACTION = "-ffp-contract=off"
+FLAGS = ("-std=gnu99", "-O3", "-fPIC", "-shared", "-fvisibility=hidden", NO_CONTRACTION, "-fno-fast-math",
          "-fno-math-errno", "-w")
 _SYSTEM_COMPILERS = ("gcc", "clang", "cc")
 _ZIG = "ziglang"
@@ -49,7 +50,8 @@ PLATFORMS = {one.name: one for one in (
     Platform("x86_64-darwin", "darwin64", "x86_64-macos", ".dylib"),
     Platform("aarch64-darwin", None, "aarch64-macos", ".dylib"),
 )}
-_SHORT_NAMES = {one.folder2: one.name for one in PLATFORMS.values() if one.folder2 is not None}
+_SHORT_NAMES = {one.folder2: one.name for one in PLATFORMS.values() if one.folder2 is not None} | {
+    "linux-arm64": "aarch64-linux", "darwin-arm64": "aarch64-darwin"}
 
 
 @dataclass(frozen=True)
@@ -60,9 +62,14 @@ class Compiler:
     version: str
     flags: tuple[str, ...] = ()
 
+    @property
+    def is_zig(self) -> bool:
+        """Whether it is ``ziglang``, which links its own C runtime."""
+        return self.command[1:3] == ("-m", _ZIG)
+
 
 def platform_named(name: str) -> Platform:
-    """The platform of this name: FMI 3.0's (``x86_64-linux``) or a short one (``linux64``).
+    """The platform of this name: FMI 3.0's (``x86_64-linux``) or a short one (``linux64``, ``linux-arm64``).
 
     Raises:
         BuildError: the name is not known.
@@ -89,7 +96,11 @@ def this_platform() -> Platform:
 
 
 def available_compiler() -> str | None:
-    """The C compiler that builds for this machine: the system's (``CC``, gcc, clang, cc), or ``ziglang``, or None."""
+    """The C compiler that builds for this machine: the system's (``CC``, gcc, clang, cc), or ``ziglang``, or None.
+
+    Raises:
+        BuildError: ``CC`` names one that is not there.
+    """
     system = _system_command()
     if system is not None:
         return shlex.join(system)
@@ -176,11 +187,19 @@ def _environment() -> dict[str, str]:
 
 
 def _system_command() -> list[str] | None:
-    chosen = shlex.split(os.environ.get("CC", ""))
-    for command in ([chosen] if chosen else []) + [[name] for name in _SYSTEM_COMPILERS]:
+    named = os.environ.get("CC", "")
+    try:
+        chosen = shlex.split(named)
+    except ValueError as error:
+        raise BuildError(f"the environment variable CC is {named!r}, which is no command ({error}); mend or unset it"
+                         ) from error
+    for command in [chosen] if chosen else [[name] for name in _SYSTEM_COMPILERS]:
         path = shutil.which(command[0])
         if path is not None:
             return [path, *command[1:]]
+    if chosen:
+        raise BuildError(f"the environment variable CC names the C compiler {chosen[0]}, which is not found; "
+                         "mend or unset it")
     return None
 
 

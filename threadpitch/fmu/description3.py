@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement
 
 from threadpitch.fmu import dependencies
+from threadpitch.fmu.compiler import NO_CONTRACTION
 from threadpitch.fmu.description import (
     LOG_CATEGORIES,
     Flavor,
@@ -86,10 +87,13 @@ def terminals_and_icons(model: Model) -> bytes:
 
 
 def build_description(model: Model, source_files: Iterable[str]) -> bytes:
-    """The bytes of sources/buildDescription.xml: these files, in C99, make the library."""
+    """The bytes of sources/buildDescription.xml: these files, in C99, make the library.
+
+    The option keeps ``a * b + c`` rounded twice; where it is passed over, pragmas in the sources do.
+    """
     root = Element("fmiBuildDescription", {"fmiVersion": VERSION})
     configuration = SubElement(root, "BuildConfiguration", {"modelIdentifier": model.class_name})
-    files = SubElement(configuration, "SourceFileSet", {"language": "C99"})
+    files = SubElement(configuration, "SourceFileSet", {"language": "C99", "compilerOptions": NO_CONTRACTION})
     for name in source_files:
         SubElement(files, "SourceFile", {"name": name})
     return written(root)

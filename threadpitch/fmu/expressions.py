@@ -42,11 +42,17 @@ class Names:
     fields: Mapping[str, str] = field(default_factory=dict)  # of self; arrays are "list[float]" and so on
     methods: Mapping[str, Signature] = field(default_factory=dict)
     changing: frozenset[str] = frozenset()  # methods that change a field, themselves or through others
+    sizes: Mapping[str, int] = field(default_factory=dict)  # of the fields that are arrays
 
 
 def refuse(text: SourceText, node: ast.AST, construct: str, mend: str) -> NoReturn:
     """Raise the one-line message: file, line, construct, mend."""
     raise ModelError(f"{text.place(getattr(node, 'lineno', 1))}: {construct} cannot be in an FMU; {mend}")
+
+
+def with_article(kind: str) -> str:
+    """The name of a type with its article."""
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
 
 
 class Typing:
@@ -99,7 +105,7 @@ class Typing:
             hints = {("int", "float"): f"write float({ast.unparse(node)}), or a literal with a decimal point",
                      ("float", "int"): "write floor(...), or make the target a float"}
             self.refuse(node, f"{what} of type {found} ({ast.unparse(node)}) where {kind} is needed",
-                        hints.get((found, kind), f"give a {kind}"))
+                        hints.get((found, kind), f"give {with_article(kind)}"))
 
     def _constant(self, node: ast.Constant) -> str:
         value = node.value
@@ -138,6 +144,11 @@ class Typing:
         if isinstance(index, ast.UnaryOp) and isinstance(index.op, ast.USub):
             self.refuse(node, f"the negative index {ast.unparse(node)}", "count from the front")
         self.wanted(index, "int", "an index")
+        size = self.names.sizes.get(node.value.attr) if isinstance(node.value, ast.Attribute) else None
+        if size is not None and isinstance(index, ast.Constant) \
+                and isinstance(index.value, int) and index.value >= size:
+            self.refuse(node, f"the index {ast.unparse(node)} outside its {size} values",
+                        f"count from 0 to {size - 1}, or declare a larger size=")
         return array[len("list["):-1]
 
     def binary(self, node: ast.AST, operator: ast.operator, kinds: tuple[str, str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+from collections.abc import Iterable
 from pathlib import Path
 
 _PROJECT_LICENSE = Path(__file__).parents[2] / "LICENSE"  # when run from the source tree
@@ -32,3 +33,15 @@ def licenses(*distributions: str) -> dict[str, bytes]:
         if text is not None:
             found[f"documentation/licenses/{distribution}-LICENSE.txt"] = text
     return found
+
+
+def zig_licenses(platforms: Iterable[str]) -> dict[str, bytes]:
+    """Licence texts of what zig links into the libraries for these platforms: compiler-rt, mingw-w64, glibc's start."""
+    folder = Path(str(importlib.metadata.distribution("ziglang").locate_file("ziglang")))
+    wanted = {"ziglang-LICENSE.txt": folder / "LICENSE"}
+    for name in platforms:
+        if name.endswith("-windows"):
+            wanted["mingw-w64-COPYING.txt"] = folder / "lib" / "libc" / "mingw" / "COPYING"
+        elif name.endswith("-linux"):
+            wanted["glibc-LICENSES.txt"] = folder / "lib" / "libc" / "glibc" / "LICENSES"
+    return {f"documentation/licenses/{name}": path.read_bytes() for name, path in wanted.items() if path.is_file()}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, TypeVar
 
 from threadpitch.fmu.declaration import Place
@@ -37,47 +36,47 @@ def check_variables(places: Mapping[str, Place], variables: Sequence[Variable]) 
             takers[name] = variable.name
 
 
-def checked_clocks(path: Path, clocks: Any, variables: Sequence[Variable]) -> tuple[Clock, ...]:
-    """The clocks of the module constant ``CLOCKS``.
+def checked_clocks(place: str, clocks: Any, variables: Sequence[Variable]) -> tuple[Clock, ...]:
+    """The clocks of the module constant ``CLOCKS``, which stands at ``place`` (``file:line``).
 
     Raises:
         ModelError: it is not a tuple of ``Clock``, or a clock does not count an int output of the model.
     """
-    found = _tuple_of(path, "CLOCKS", Clock, clocks)
+    found = _tuple_of(place, "CLOCKS", Clock, clocks)
     names = {variable.name for variable in variables}
     by_name = {variable.name: variable for variable in variables}
     for clock in found:
         if not _NAME.fullmatch(clock.name) or clock.name in names or clock.name == "time":
-            raise ModelError(f"{path}: CLOCKS: the name {clock.name!r} is taken or not legal in FMI; choose another")
+            raise ModelError(f"{place}: CLOCKS: the name {clock.name!r} is taken or not legal in FMI; choose another")
         names.add(clock.name)
         counted = by_name.get(clock.ticks)
         if counted is None or counted.kind != "int" or counted.causality != "output":
-            raise ModelError(f"{path}: CLOCKS: {clock.name} ticks by {clock.ticks!r}; name an int output")
+            raise ModelError(f"{place}: CLOCKS: {clock.name} ticks by {clock.ticks!r}; name an int output")
         if type(clock.element) is not int or not 0 <= clock.element < (counted.size or 1):
-            raise ModelError(f"{path}: CLOCKS: {clock.name} ticks by element {clock.element!r} of {clock.ticks}; "
+            raise ModelError(f"{place}: CLOCKS: {clock.name} ticks by element {clock.element!r} of {clock.ticks}; "
                              f"give one from 0 to {(counted.size or 1) - 1}")
     return found
 
 
-def checked_terminals(path: Path, terminals: Any, variables: Sequence[Variable]) -> tuple[Terminal, ...]:
-    """The terminals of the module constant ``TERMINALS``.
+def checked_terminals(place: str, terminals: Any, variables: Sequence[Variable]) -> tuple[Terminal, ...]:
+    """The terminals of the module constant ``TERMINALS``, which stands at ``place`` (``file:line``).
 
     Raises:
         ModelError: it is not a tuple of ``Terminal``, or a member is not an input or output of the model.
     """
-    found = _tuple_of(path, "TERMINALS", Terminal, terminals)
+    found = _tuple_of(place, "TERMINALS", Terminal, terminals)
     connected = {variable.name for variable in variables if variable.causality in ("input", "output")}
     names: set[str] = set()
     for terminal in found:
         if not _NAME.fullmatch(terminal.name) or terminal.name in names:
-            raise ModelError(f"{path}: TERMINALS: the name {terminal.name!r} is there twice or not legal in FMI; "
+            raise ModelError(f"{place}: TERMINALS: the name {terminal.name!r} is there twice or not legal in FMI; "
                              "choose another")
         names.add(terminal.name)
         if not isinstance(terminal.members, Mapping) or not terminal.members:
-            raise ModelError(f"{path}: TERMINALS: {terminal.name} has no members; give {{'member': 'variable'}}")
+            raise ModelError(f"{place}: TERMINALS: {terminal.name} has no members; give {{'member': 'variable'}}")
         for member, name in terminal.members.items():
             if not _NAME.fullmatch(member) or name not in connected:
-                raise ModelError(f"{path}: TERMINALS: {terminal.name} has the member {member!r}: {name!r}; "
+                raise ModelError(f"{place}: TERMINALS: {terminal.name} has the member {member!r}: {name!r}; "
                                  "name an input or output of the model")
     return found
 
@@ -124,10 +123,10 @@ def _is_rate(variable: Variable, rate: Variable, order: int) -> bool:
     return tuple(wanted) == unit(rate.unit).exponents
 
 
-def _tuple_of(path: Path, name: str, kind: type[_Declared], value: Any) -> tuple[_Declared, ...]:
+def _tuple_of(place: str, name: str, kind: type[_Declared], value: Any) -> tuple[_Declared, ...]:
     if not isinstance(value, Iterable) or isinstance(value, str):
-        raise ModelError(f"{path}: {name} must be a tuple of {kind.__name__}")
+        raise ModelError(f"{place}: {name} must be a tuple of {kind.__name__}")
     found = tuple(value)
     if not all(isinstance(item, kind) for item in found):
-        raise ModelError(f"{path}: {name} must be a tuple of {kind.__name__}: {name} = ({kind.__name__}(...),)")
+        raise ModelError(f"{place}: {name} must be a tuple of {kind.__name__}: {name} = ({kind.__name__}(...),)")
     return found

@@ -27,7 +27,7 @@ from threadpitch.fmu.variable import KEY, Clock, Experiment, ModelError, Termina
 REQUIRED_METHODS = {"check": ("self",), "initialize": ("self",), "step": ("self", "time", "step_size")}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # one object for one content: see read_model
 class Model:
     """What a model file declares: variables in the order of the fields, declared errors, default experiment."""
 
@@ -103,16 +103,17 @@ def _read(text: SourceText) -> Model:
     node = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == model_class.__name__)
     _check_methods(text, node)
     variables = _variables(text, node, model_class)
+    places = _places(text, tree)
     return Model(
         class_name=model_class.__name__,
         description=ast.get_docstring(node) or "",
         variables=variables,
-        errors=_errors(path, module),
-        experiment=_experiment(path, module),
+        errors=_errors(places["ERRORS"], module),
+        experiment=_experiment(places["EXPERIMENT"], module),
         text=text,
         model_class=model_class,
-        clocks=checked_clocks(path, getattr(module, "CLOCKS", ()), variables),
-        terminals=checked_terminals(path, getattr(module, "TERMINALS", ()), variables),
+        clocks=checked_clocks(places["CLOCKS"], getattr(module, "CLOCKS", ()), variables),
+        terminals=checked_terminals(places["TERMINALS"], getattr(module, "TERMINALS", ()), variables),
     )
 
 
@@ -127,7 +128,7 @@ def _imported(text: SourceText) -> ModuleType:
     sys.modules[name] = module  # dataclasses look up annotations written as text in the module of their class
     try:
         exec(compile(text.source, str(path), "exec"), module.__dict__)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del sys.modules[name]
         frames = traceback.extract_tb(error.__traceback__)
         lines = [frame.lineno or 1 for frame in frames if frame.filename == str(path)]
@@ -177,20 +178,31 @@ def _check_methods(text: SourceText, node: ast.ClassDef) -> None:
             raise ModelError(f"{text.place(methods[name].lineno)}: write it as {name}({', '.join(arguments)})")
 
 
-def _errors(path: Path, module: ModuleType) -> Mapping[int, str]:
+def _places(text: SourceText, tree: ast.Module) -> Mapping[str, str]:
+    """``file:line`` of the declarations beside the class; where there is none, the file."""
+    places = dict.fromkeys(("ERRORS", "EXPERIMENT", "CLOCKS", "TERMINALS"), str(text.path))
+    for node in tree.body:
+        if isinstance(node, ast.Assign | ast.AnnAssign):
+            for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                if isinstance(target, ast.Name) and target.id in places:
+                    places[target.id] = text.place(node.lineno)
+    return places
+
+
+def _errors(place: str, module: ModuleType) -> Mapping[int, str]:
     errors = getattr(module, "ERRORS", {})
     if not isinstance(errors, dict) or not all(
             type(number) is int and 0 < number < 2**31 and isinstance(text, str) for number, text in errors.items()):
-        raise ModelError(f"{path}: ERRORS must be a dict of positive numbers and messages: {{1: 'what; how to mend'}}")
+        raise ModelError(f"{place}: ERRORS must be a dict of positive numbers and messages: {{1: 'what; how to mend'}}")
     return MappingProxyType(dict(errors))
 
 
-def _experiment(path: Path, module: ModuleType) -> Experiment | None:
+def _experiment(place: str, module: ModuleType) -> Experiment | None:
     experiment = getattr(module, "EXPERIMENT", None)
     if experiment is None:
         return None
     if not isinstance(experiment, Experiment):
-        raise ModelError(f"{path}: EXPERIMENT must be an Experiment(stop_time=..., step_size=...)")
+        raise ModelError(f"{place}: EXPERIMENT must be an Experiment(stop_time=..., step_size=...)")
     if not (experiment.start_time < experiment.stop_time and experiment.step_size > 0.0):
-        raise ModelError(f"{path}: EXPERIMENT must have start_time < stop_time and a positive step_size")
+        raise ModelError(f"{place}: EXPERIMENT must have start_time < stop_time and a positive step_size")
     return experiment

@@ -18,7 +18,7 @@ from threadpitch.fmu.description import Flavor, guid, model_description
 from threadpitch.fmu.description3 import build_description, model_description3, terminals_and_icons
 from threadpitch.fmu.documentation import html_page, icon, upgrade_page
 from threadpitch.fmu.failure import BuildError
-from threadpitch.fmu.licenses import licenses
+from threadpitch.fmu.licenses import licenses, zig_licenses
 from threadpitch.fmu.model import Model
 from threadpitch.fmu.plain import plain_module
 from threadpitch.fmu.reference import reference_entries
@@ -95,6 +95,9 @@ def _entries(model: Model, build: NativeBuild) -> dict[str, bytes]:
         "documentation/index.html": html_page(model).encode(),
         "documentation/upgrade.html": upgrade_page(model).encode(),
     }
+    by_zig = [target.name for target, compiler in build.compilers.items() if compiler.is_zig]
+    if by_zig:
+        entries |= zig_licenses(by_zig)
     if build.fmi == 2:
         return entries | {"modelDescription.xml": model_description(model, flavor), "model.png": icon(model)}
     return entries | {

@@ -14,8 +14,12 @@ _QUANTITIES = {
     "rad/s2": "AngularAcceleration", "m/s": "Velocity", "m/s2": "Acceleration", "m/rad": "LeadPerAngle", "kg": "Mass",
     "kg.m2": "MomentOfInertia", "N": "Force", "N.m": "Torque", "N.m.s/rad": "RotationalDampingConstant",
     "N.m/rad": "RotationalSpringConstant", "N/m": "TranslationalSpringConstant",
-    "N.s/m": "TranslationalDampingConstant", "N/m2": "Pressure", "m2": "Area", "W": "Power", "K": "Temperature",
-    "1/K": "LinearExpansionCoefficient",
+    "N.s/m": "TranslationalDampingConstant", "N/m2": "Pressure", "W": "Power", "K": "Temperature",
+    "1/K": "LinearExpansionCoefficient", "J": "Energy", "J/K": "HeatCapacity", "W/K": "ThermalConductance",
+    "K/W": "ThermalResistance", "A": "Current", "V": "Voltage", "Ohm": "Resistance", "H": "Inductance",
+    "F": "Capacitance", "C": "ElectricCharge", "Wb": "MagneticFlux", "T": "MagneticFluxDensity", "Pa": "Pressure",
+    "Pa.s": "DynamicViscosity", "m2": "Area", "m3": "Volume", "m3/s": "VolumeFlowRate", "kg/s": "MassFlowRate",
+    "kg/m3": "Density",
 }
 _LETTERS = {"%": "percent", "/": "_per_", ".": "_", "(": "", ")": "", " ": "_"}
 

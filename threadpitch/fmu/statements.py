@@ -8,7 +8,8 @@ from __future__ import annotations
 import ast
 from typing import NoReturn
 
-from threadpitch.fmu.expressions import SCALARS, Names, Typing, check_order, refuse
+from threadpitch.fmu.c_names import check_local
+from threadpitch.fmu.expressions import SCALARS, Names, Typing, check_order, refuse, with_article
 
 _MENDS = {
     "Try": "test before, and return a declared error", "Raise": "return a declared error number",
@@ -28,6 +29,8 @@ def check_function(names: Names, node: ast.FunctionDef, writable: frozenset[str]
     method = bool(node.args.args) and node.args.args[0].arg == "self"
     signature = names.methods[node.name] if method else names.functions[node.name]
     arguments = [argument.arg for argument in (node.args.args[1:] if method else node.args.args)]
+    for argument in node.args.args:
+        check_local(names.text, argument, argument.arg)
     body = node.body[1:] if ast.get_docstring(node) is not None else node.body
     checker = _Checker(names, dict(zip(arguments, signature.arguments, strict=True)), signature.result, writable)
     ended = checker.block(body)
@@ -146,13 +149,14 @@ class _Checker:
             self.refuse(target, f"an assignment to self.{root.attr}, a parameter or input,", "keep it in a state")
         if wanted != kind:
             text = f"float({ast.unparse(value)})" if value is not None else "float(...)"
-            mend = f"write {text}" if (kind, wanted) == ("int", "float") else f"give a {wanted}"
+            mend = f"write {text}" if (kind, wanted) == ("int", "float") else f"give {with_article(wanted)}"
             self.refuse(target, f"a value of type {kind} for {ast.unparse(target)} of type {wanted}", mend)
 
     def _store_local(self, target: ast.Name, kind: str) -> None:
         name = target.id
         if name == "self" or name in self.names.constants or name in self.names.functions:
             self.refuse(target, f"the local {name}, which hides another {name},", "choose another name")
+        check_local(self.names.text, target, name)
         if name in self.loop_names:
             self.refuse(target, f"an assignment to the loop variable {name}", "use another local")
         if self.types.get(name, kind) != kind:
@@ -178,6 +182,8 @@ class _Checker:
         if node.orelse:
             self.refuse(node, "while ... else", "use a bool")
         self.typing.wanted(node.test, "bool", "a condition")
+        if isinstance(node.test, ast.Constant) and node.test.value and not _is_left(node.body):
+            self.refuse(node, "while True without an end", "leave it by break or return, or test a condition")
         check_order(self.names, node, [node.test])
         before = dict(self.typing.known)
         self.block(node.body)
@@ -244,3 +250,18 @@ def _index_of(target: ast.expr) -> list[ast.expr]:
 def _is_number(node: ast.expr) -> bool:
     operand = node.operand if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) else node
     return isinstance(operand, ast.Constant) and type(operand.value) is int and operand.value != 0
+
+
+def _is_left(body: list[ast.stmt]) -> bool:
+    """Whether a loop with this body can be left: a return, or a break that is not of a loop inside."""
+    for node in body:
+        match node:
+            case ast.Return() | ast.Break():
+                return True
+            case ast.If():
+                if _is_left([*node.body, *node.orelse]):
+                    return True
+            case ast.While() | ast.For():
+                if any(isinstance(item, ast.Return) for item in ast.walk(node)):
+                    return True
+    return False

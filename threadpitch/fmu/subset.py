@@ -10,6 +10,8 @@ import ast
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from threadpitch.fmu.c_names import C_NAMES
+from threadpitch.fmu.calls import check_calls
 from threadpitch.fmu.expressions import CONSTANTS, MATHEMATICS, Names, Signature, Typing, refuse
 from threadpitch.fmu.model import REQUIRED_METHODS, Model
 from threadpitch.fmu.source_text import SourceText, own_text
@@ -21,14 +23,6 @@ _ELEMENTARY_TEXT = own_text(ELEMENTARY_PATH)
 _IMPORTS = {"__future__": {"annotations"}, "dataclasses": {"dataclass"}, "math": {"floor", "sqrt", "pi"},
             "threadpitch.fmu.variable": {"Clock", "Experiment", "Terminal", "input_", "output", "parameter", "state"}}
 _DECLARATIONS = ("ERRORS", "EXPERIMENT", "CLOCKS", "TERMINALS")
-# Functions of C's math library and macros of its headers: a name of the file would be taken for them.
-_TAKEN = """
-    gamma lgamma tgamma j0 j1 jn y0 y1 yn signgam erf erfc fabs fmod fmin fmax fma frexp ldexp hypot cbrt ceil trunc
-    round rint pow powf index time clock main remove rename abs div exit random signal sin cos tan exp log sqrt floor
-    NULL EOF I NAN INFINITY HUGE_VAL TRUE FALSE BUFSIZ RAND_MAX M_PI M_E DOMAIN OVERFLOW UNDERFLOW SING
-"""
-_C_NAMES = frozenset(_TAKEN.split())
-
 
 def check_subset(model: Model) -> None:
     """Refuse a model that leaves the subset.
@@ -46,6 +40,8 @@ def check_subset(model: Model) -> None:
     functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
     for node in functions:
         _check_name(model.text, node, node.name)
+        if node.name in REQUIRED_METHODS:
+            refuse(model.text, node, f"a function {node.name} outside the class", "choose another name")
     names = Names(
         text=model.text,
         constants=_constants(model.text, tree),
@@ -53,7 +49,9 @@ def check_subset(model: Model) -> None:
         fields=fields,
         methods={node.name: signature(model.text, node, node.args.args[1:]) for node in methods},
         changing=_changing(methods),
+        sizes={variable.name: variable.size for variable in model.variables if variable.size is not None},
     )
+    check_calls(model.text, [*functions, *methods])
     for node in functions:
         check_function(Names(names.text, names.constants, names.functions), node, frozenset())
     for node in methods:
@@ -136,8 +134,10 @@ def _checked_body(text: SourceText, tree: ast.Module) -> ast.ClassDef:
     model_class = classes[0]
     if len(classes) > 1:
         refuse(text, classes[1], f"a second class {classes[1].name}", "keep one class per file")
-    if model_class.bases or model_class.keywords or len(model_class.decorator_list) != 1:
-        refuse(text, model_class, f"{model_class.name} with bases or decorators", "write @dataclass and no base class")
+    decorators = [ast.unparse(decorator) for decorator in model_class.decorator_list]
+    if model_class.bases or model_class.keywords or decorators != ["dataclass"]:
+        refuse(text, model_class, f"{model_class.name} with bases, other decorators or arguments of @dataclass",
+               "write @dataclass alone and no base class")
     for item in model_class.body:
         if isinstance(item, ast.FunctionDef):
             _check_method(text, item)
@@ -159,7 +159,7 @@ def _check_method(text: SourceText, node: ast.FunctionDef) -> None:
 
 
 def _check_name(text: SourceText, node: ast.stmt, name: str) -> None:
-    if name in _C_NAMES or name in MATHEMATICS or name in CONSTANTS or name.startswith("elementary_"):
+    if name in C_NAMES or name in MATHEMATICS or name in CONSTANTS or name.startswith("elementary_"):
         refuse(text, node, f"the name {name}, which has a meaning in C or in the module made of this,",
                "choose another name")
 

@@ -2,11 +2,13 @@
    step, and every kind of failure on demand.
 
    Real     0 u (input)  1 x (output)  2 k  3 start_x  4 fault_time  5..7 gain[1..3]  8 twice (output) = 2 u
-   Integer  0 fault (parameter): the status to answer with, 5 = NaN in x   1 initial_fault   2 count (output)
+   Integer  0 fault (parameter): the status to answer with, 5 = NaN in x, 7 = a crash, 8 = exit
+             1 initial_fault   2 count (output)
             3 mode (Enumeration)   4 number (input)   5 number_out (output)
    Boolean  0 flag (input)   1 flag_out (output)
    String   0 label (parameter), part of the log message                                                          */
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,7 +27,7 @@ typedef struct {
     char name[64];
     double reached;
     double derivative[2]; /* of u */
-    int fatal;
+    int fatal, states;
 } Probe;
 
 static fmi2Status answer(Probe *p, int status) {
@@ -91,7 +93,10 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real h, fmi2Boolean keep) {
     Probe *p = c;
+    if (keep && p->states > 0) abort(); /* "never back" and a state to go back to do not go together */
     int fault = time >= p->real[FAULT_TIME] - 1e-12 ? p->integer[FAULT] : 0;
+    if (fault == 7) raise(SIGSEGV);
+    if (fault == 8) exit(3);
     if (fault >= 2 && fault <= 4) {
         p->reached = time + h / 2.0;
         return answer(p, fault);
@@ -128,12 +133,39 @@ fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference r[], size_t n
     return fmi2OK;
 }
 
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *s) { return fmi2Error; }
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate s) { return fmi2Error; }
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *s) { return fmi2Error; }
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate s, size_t *n) { return fmi2Error; }
-fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate s, fmi2Byte b[], size_t n) { return fmi2Error; }
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte b[], size_t n, fmi2FMUstate *s) { return fmi2Error; }
+fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *s) {
+    if (!*s) *s = malloc(sizeof(Probe)), ((Probe *)c)->states += 1;
+    memcpy(*s, c, sizeof(Probe));
+    return fmi2OK;
+}
+fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate s) {
+    Probe *p = c, now = *p;
+    *p = *(Probe *)s;
+    p->callbacks = now.callbacks;
+    p->states = now.states;
+    return fmi2OK;
+}
+fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *s) {
+    free(*s);
+    *s = NULL;
+    ((Probe *)c)->states -= 1;
+    return fmi2OK;
+}
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate s, size_t *n) {
+    *n = sizeof(Probe);
+    return fmi2OK;
+}
+fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate s, fmi2Byte b[], size_t n) {
+    memcpy(b, s, n);
+    memset(b, 0, sizeof(void *)); /* the callbacks are those of this process */
+    return fmi2OK;
+}
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte b[], size_t n, fmi2FMUstate *s) {
+    if (n != sizeof(Probe)) return answer(c, fmi2Error);
+    *s = memcpy(malloc(n), b, n);
+    ((Probe *)c)->states += 1;
+    return fmi2OK;
+}
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference u[], size_t n,
                                         const fmi2ValueReference k[], size_t m, const fmi2Real a[], fmi2Real b[]) {
     return fmi2Error;

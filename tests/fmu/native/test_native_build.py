@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -17,6 +18,7 @@ from fmpy.validation import validate_fmu
 
 from tests.fmu.driving import ROOT, TABLE_MODEL, TEST_MODEL
 from tests.fmu.native.building import both_versions, built, every_model, needs_compiler, zig_folder
+from threadpitch.cli import invoke
 from threadpitch.fmu import BuildError, available_compiler, build_fmu, cached_fmu
 from threadpitch.fmu.check import check_built
 from threadpitch.fmu.compiler import platform_named
@@ -143,6 +145,22 @@ def test_fmpy_compiles_the_sources_and_the_results_are_equal(tmp_path: Path, fmi
     assert check_built(packed) == []
 
 
+@needs_compiler
+def test_an_importer_that_compiles_is_told_not_to_contract_and_does_not(tmp_path: Path) -> None:
+    entries = _entries(built(TEST_MODEL, 3))
+    assert b'compilerOptions="-ffp-contract=off"' in entries["sources/buildDescription.xml"]
+    if platform.machine() != "x86_64" or shutil.which("gcc") is None:
+        pytest.skip("no gcc for x86_64")
+    for name, content in entries.items():
+        if name.startswith("sources/"):
+            (tmp_path / Path(name).name).write_bytes(content)
+    subprocess.run(["gcc", "-std=gnu99", "-O3", "-mfma", "-ffp-contract=fast", "-S", "equations.c"], cwd=tmp_path,
+                   check=True)
+    made = (tmp_path / "equations.s").read_text()
+    assert "mulsd" in made
+    assert "vfm" not in made
+
+
 @needs_zig
 def test_one_fmu_for_every_platform(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(zig_folder()))
@@ -159,6 +177,8 @@ def test_one_fmu_for_every_platform(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         for function in _declared(3):
             assert function.encode() in content, (name, function)
     assert check_built(path) == []
+    for name in ("ziglang-LICENSE.txt", "mingw-w64-COPYING.txt", "glibc-LICENSES.txt"):
+        assert len(_entries(path)[f"documentation/licenses/{name}"]) > 1000
     for name in ("binaries/x86_64-linux/RotaryTable.so", "binaries/aarch64-linux/RotaryTable.so"):
         needed = [tuple(int(part) for part in found.split(b"."))
                   for found in re.findall(rb"GLIBC_([0-9.]+)", binaries[name])]
@@ -186,6 +206,24 @@ def test_platforms_are_refused_by_name(tmp_path: Path) -> None:
     assert platform_named("win64") == platform_named("x86_64-windows")
 
 
+def test_platforms_of_the_readme_are_known() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    names = {name for named in re.findall(r"`--platform ([^`]*)`", text) for name in named.split()}
+    assert names >= {"linux64", "win64", "darwin64", "linux-arm64", "darwin-arm64"}
+    assert len({platform_named(name).name for name in names}) == 5
+
+
+def test_a_compiler_that_is_named_and_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for named, message in (("/nowhere/gcc -m64", "CC names the C compiler /nowhere/gcc, which is not found; mend or"),
+                           ("gcc '", r"CC is \"gcc '\", which is no command \(No closing quotation\); mend or unset")):
+        monkeypatch.setenv("CC", named)
+        with pytest.raises(BuildError, match=message):
+            available_compiler()
+        with pytest.raises(BuildError, match=message):
+            build_fmu(TEST_MODEL, tmp_path, "native")
+    assert build_fmu(TEST_MODEL, tmp_path, "python").is_file()
+
+
 class TestWithoutCompiler:
     @pytest.fixture(autouse=True)
     def nothing(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -202,6 +240,14 @@ class TestWithoutCompiler:
             build_fmu(TEST_MODEL, tmp_path, "native")
         with pytest.raises(BuildError, match="no compiler for x86_64-windows was found; install ziglang"):
             build_fmu(TEST_MODEL, tmp_path, "native", platforms=["win64"])
+
+    def test_the_command_says_why_it_builds_with_pythonfmu(self, tmp_path: Path,
+                                                           capsys: pytest.CaptureFixture[str]) -> None:
+        assert invoke(["build", str(TEST_MODEL), "--output", str(tmp_path)]) == 0
+        told = capsys.readouterr().err
+        assert told.startswith("threadpitch: note: the FMUs are built by PythonFMU and need Python where they run: no")
+        assert invoke(["build", str(TEST_MODEL), "--output", str(tmp_path), "--flavor", "python"]) == 0
+        assert capsys.readouterr().err == ""
 
     def test_a_broken_model_is_named_before_any_compiler_runs(self, tmp_path: Path,
                                                              monkeypatch: pytest.MonkeyPatch) -> None:

@@ -43,7 +43,7 @@ def test_python_fmus_give_their_reference_results(path: Path, python_fmu: Callab
 def test_the_run_moves_outputs_and_is_the_same_again(path: Path) -> None:
     model = read(path)
     results = reference(model)
-    assert results == reference(model)
+    assert results == reference.__wrapped__(model)
     assert len(results.inputs) == STEPS == len(results.outputs) - 1
     outputs = {scalar.name for scalar in scalars(model) if scalar.variable.causality == "output"}
     assert results.outputs[0].keys() == outputs
@@ -94,7 +94,7 @@ def test_start_values_that_do_not_initialize_are_refused(tmp_path: Path) -> None
     with pytest.raises(ModelError, match=r"check\(\) refuses the start values: weights must not all be zero"):
         reference(read(path))
     path.write_text(TEST_MODEL.read_text().replace("self.position = self.base", "self.position = 1.0 / self.base"))
-    with pytest.raises(ModelError, match="ZeroDivisionError in the initialization with the start values"):
+    with pytest.raises(ModelError, match=r"the start values: ZeroDivisionError: .*mass\.py:\d+; mend"):
         reference(read(path))
 
 
@@ -103,4 +103,4 @@ def test_a_run_that_the_model_refuses_ends_there(tmp_path: Path) -> None:
     path.write_text(TEST_MODEL.read_text().replace("abs(self.position) > 100.0", "self.steps > 7"))
     results = reference(read(path))
     assert len(results.outputs) == 8
-    assert len(results.inputs) == 7
+    assert len(results.inputs) == 8  # the last one is refused

@@ -127,6 +127,32 @@ def test_step_that_fails_changes_nothing(put: Callable[[Any], None], message: st
         slave.fmu.doStep(0.1, 0.1)
 
 
+def test_after_a_refused_step_the_fmu_wants_to_end_until_something_else_is_done() -> None:
+    def refused(time: float) -> bool:
+        slave.fmu.setReal([FORCE], [1e9])
+        with pytest.raises(FMICallException, match="discard"):
+            slave.fmu.doStep(time, 0.1)
+        assert slave.fmu.getRealStatus(2) == time
+        return bool(slave.fmu.getBooleanStatus(3))
+
+    with slave2() as slave:
+        slave.initialize()
+        assert slave.fmu.getBooleanStatus(3) is False
+        assert refused(0.0)
+        state = slave.fmu.getFMUState()
+        slave.fmu.setReal([FORCE], [0.0])
+        slave.fmu.doStep(0.0, 0.1)
+        assert slave.fmu.getBooleanStatus(3) is False
+        assert refused(0.1)
+        slave.fmu.setFMUState(state)
+        assert slave.fmu.getBooleanStatus(3) is False
+        slave.fmu.freeFMUState(state)
+        assert refused(0.0)
+        slave.fmu.reset()
+        slave.initialize()
+        assert slave.fmu.getBooleanStatus(3) is False
+
+
 @pytest.mark.parametrize(("time", "step_size", "message"), [
     (0.5, 0.0, "the step size must be positive and finite"),
     (0.5, -0.1, "the step size must be positive and finite"),

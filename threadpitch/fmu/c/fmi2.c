@@ -287,6 +287,8 @@ fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Int
     return begin_status(c, "fmi2GetIntegerStatus", value) ? no_such_status(c, "fmi2GetIntegerStatus") : fmi2Error;
 }
 
+/* After a discarded step an importer may mend the inputs and repeat it, or set a state and go another way. One that does
+ * neither would be refused for ever: to it the FMU says that it wants to end (FMI 2.0.5, section 4.2.3). */
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value)
 {
     if (!begin_status(c, "fmi2GetBooleanStatus", value)) {
@@ -295,7 +297,7 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boo
     if (s != fmi2Terminated) {
         return no_such_status(c, "fmi2GetBooleanStatus");
     }
-    *value = fmi2False; /* a model never ends a simulation */
+    *value = ((const Instance *)c)->life.refused;
     return fmi2OK;
 }
 

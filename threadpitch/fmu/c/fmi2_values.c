@@ -33,7 +33,7 @@ static bool begin_set(Instance *instance, const char *function, const fmi2ValueR
 
 static const Cell *cell_of(Instance *instance, fmi2ValueReference reference, Kind kind)
 {
-    if (reference < instance->cell_count && instance->cells[reference].variable->kind == kind) {
+    if (reference < instance->cell_count && instance->cells[reference].kind == kind) {
         return &instance->cells[reference];
     }
     instance_fail(instance, "value reference %z is not of type %s in this FMU", (size_t)reference, kind_name(kind));

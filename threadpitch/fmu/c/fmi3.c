@@ -252,7 +252,10 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
         !instance_given(self, NAME, nextEventTimeDefined) || !instance_given(self, NAME, nextEventTime)) {
         return fmi3Error;
     }
-    self->life.ticking = false; /* a clock is active until here */
+    /* A clock is active until here, however often it is asked: FMI 3.0.2, section 2.3.5, "Any Clock active during
+     * fmi3UpdateDiscreteStates must be deactivated by the FMU itself". That the first fmi3GetClock ends the activation
+     * holds in Scheduled Execution only (section 5.2.2). */
+    self->life.ticking = false;
     *discreteStatesNeedUpdate = false;
     *terminateSimulation = false;
     *nominalsOfContinuousStatesChanged = false;

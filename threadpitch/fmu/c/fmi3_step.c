@@ -145,6 +145,8 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     }
     Status status = life_compute_step(self, currentCommunicationPoint, communicationStepSize);
     if (status != STATUS_OK) {
+        /* FMI 3.0.2, section 2.2.4: an importer that does not try another way treats fmi3Discard as an error and ends the
+         * simulation. An early return must not stand for it (section 4.2.1). */
         return (fmi3Status)status;
     }
     *eventHandlingNeeded = has_ticked(self);

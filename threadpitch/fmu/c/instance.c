@@ -35,6 +35,7 @@ static void add_cells(Instance *instance, const Variable *variable)
         Cell *cell = &instance->cells[instance->cell_count++];
         cell->variable = variable;
         cell->element = element;
+        cell->kind = variable->kind;
         cell->value = values + element * kind_size(variable->kind);
         if (variable->kind == REAL && variable->causality == INPUT) {
             instance->inputs[instance->input_count++] = cell;
@@ -82,6 +83,7 @@ static void begin_life(Instance *instance)
     instance->life.phase = INSTANTIATED;
     instance->life.stale = true;
     instance->life.ticking = false;
+    instance->life.refused = false;
     instance->life.start = 0.0;
     instance->life.time = 0.0;
     instance->life.stop = INFINITY;

@@ -41,6 +41,7 @@ typedef struct {
     const Variable *variable;
     size_t element;
     void *value; /* double, int64_t or bool */
+    Kind kind;   /* of the variable, here for the loops over many values */
 } Cell;
 
 /* Where the instance is in its life; with the values of the model the whole FMU state. */
@@ -48,6 +49,7 @@ typedef struct {
     Phase phase;
     bool stale;    /* something was set since `initialize` was evaluated */
     bool ticking;  /* the clocks show what the last step counted */
+    bool refused;  /* the last step was: the same one would be again */
     double start;  /* s */
     double time;   /* s, the last communication point */
     double stop;   /* s, INFINITY where it is not defined */

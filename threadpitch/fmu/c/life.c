@@ -263,11 +263,13 @@ Status life_compute_step(Instance *instance, double time, double step_size)
     text_clear(&complaint);
     if (!compute(instance, time, step_size, &complaint)) {
         image_restore(instance, instance->before);
+        instance->life.refused = true;
         instance_say(instance, STATUS_DISCARD, "the step from %r s of %r s is refused: %s", time, step_size,
                      complaint.characters);
         return STATUS_DISCARD;
     }
     clear_derivatives(instance);
+    instance->life.refused = false;
     instance->life.time = time + step_size;
     instance->life.ticking = model.clock_count > 0;
     return STATUS_OK;

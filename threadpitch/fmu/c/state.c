@@ -103,6 +103,7 @@ Status state_set(Instance *instance, const State *state)
     }
     image_restore(instance, state->image);
     instance->life = state->life;
+    instance->life.refused = false; /* the importer goes another way */
     return STATUS_OK;
 }
 

@@ -1,0 +1,200 @@
+"""Causes whose shape is known are told apart, with sizes, gains and shares that agree with what was put in."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import threadpitch as tp
+from tests.benchmarks.drawn_threads import drawn
+from threadpitch.judgement import JudgementError, MeasuredThread, Verdict, verdict_document
+
+Array = NDArray[np.float64]
+
+TARGET, U = 1.5e-3, 1e-6
+TURNS = np.arange(1.0, 41.0)
+QUIET = np.full(TURNS.size, TARGET)
+DIP = -12e-6 * np.exp(-TURNS / 3.0)  # what the control sees: the first turns are short
+WAVE = 8e-6 * np.sin(2.0 * math.pi * 0.15 * TURNS + 0.4)  # 1.5 mm lead on a screw of 10 mm
+
+
+def noise(seed: int, size: int = TURNS.size) -> Array:
+    """Errors of grooves, whose distances are taken: variance U^2, neighbours correlated by -1/2."""
+    return np.asarray(np.diff(np.random.default_rng(seed).normal(size=size + 1)) * U / math.sqrt(2.0))
+
+
+def judged(nominal: Array, measured: Array, screw_lead: float | None = 10e-3) -> Verdict:
+    return tp.judge(nominal, measured, target=TARGET, uncertainty=U, screw_lead=screw_lead)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_fluctuation_that_both_have_is_the_controls(seed: int) -> None:
+    verdict = judged(TARGET + DIP, TARGET + DIP + noise(seed))
+    assert verdict.cause == "control"
+    assert verdict.evidence.gain_interval is not None
+    low, high = verdict.evidence.gain_interval
+    assert low - 0.05 < 1.0 < high + 0.05
+    assert verdict.evidence.control_share == 1.0
+    assert "Kv" in verdict.advice[0] or "gain" in verdict.advice[0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_fluctuation_that_only_the_thread_has_is_mechanical(seed: int) -> None:
+    verdict = judged(QUIET, TARGET + WAVE + noise(seed))
+    assert verdict.cause == "mechanical"
+    part, = verdict.evidence.rest
+    assert part.kind == "once per screw turn"
+    assert part.period == pytest.approx(1.0 / 0.15)
+    assert part.size == pytest.approx(8e-6, abs=4.0 * U * math.sqrt(2.0 / TURNS.size))
+    assert verdict.evidence.control_share == 0.0
+    assert verdict.evidence.gain is None  # the nominal pitches do not fluctuate
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_both_are_both_with_their_shares(seed: int) -> None:
+    verdict = judged(TARGET + DIP, TARGET + DIP + WAVE + noise(seed))
+    assert verdict.cause == "both"
+    assert verdict.evidence.rest[0].kind == "once per screw turn"
+    seen, unseen = float(DIP @ DIP), float(WAVE @ WAVE)
+    assert verdict.evidence.control_share == pytest.approx(seen / (seen + unseen), abs=0.05)
+    assert verdict.evidence.rest_share == 1.0 - verdict.evidence.control_share
+
+
+def test_noise_alone_is_none() -> None:
+    causes = [judged(QUIET, TARGET + noise(seed)).cause for seed in range(40)]
+    assert causes.count("none") >= 38
+    assert set(causes) <= {"none", "undetermined"}
+
+
+def test_jitter_that_only_the_nominal_values_have_is_none() -> None:
+    for seed in range(10):
+        verdict = judged(TARGET + 10.0 * noise(100 + seed), TARGET + noise(seed))
+        assert verdict.cause == "none"
+        assert verdict.evidence.nominal_jitter == pytest.approx(10.0 * U, rel=0.5)
+        assert "jitter" in verdict.sentence
+
+
+def test_a_signal_below_the_uncertainty_is_never_given_a_wrong_cause() -> None:
+    for seed in range(20):
+        assert judged(QUIET, TARGET + 0.3 * U / 12e-6 * DIP + noise(seed)).cause in {"none", "undetermined"}
+
+
+def test_a_single_turn_is_found_where_it_is() -> None:
+    step = np.where(TURNS == 17.0, 9e-6, 0.0)
+    part, = judged(QUIET, TARGET + step + noise(3)).evidence.rest
+    assert (part.kind, part.first_turn, part.last_turn) == ("event", 17.0, 17.0)
+    assert part.size == pytest.approx(9e-6, abs=4.0 * U)
+
+
+def test_a_progressive_error_is_the_mean_deviation() -> None:
+    part, = judged(QUIET, QUIET + 5e-6 + noise(4)).evidence.rest
+    assert part.kind == "progressive"
+    assert part.size == pytest.approx(5e-6, abs=4.0 * U / math.sqrt(TURNS.size))
+
+
+def test_a_displaced_turn_is_long_and_then_short() -> None:
+    spot = np.where(TURNS == 9.0, 9e-6, 0.0) - np.where(TURNS == 10.0, 9e-6, 0.0)
+    part, = judged(QUIET, TARGET + spot + noise(5)).evidence.rest
+    assert (part.kind, part.first_turn, part.last_turn) == ("displaced turn", 9.0, 10.0)
+
+
+def test_without_shape_it_is_irregular() -> None:
+    rough = 12e-6 * np.random.default_rng(6).normal(size=TURNS.size)
+    verdict = judged(QUIET, TARGET + rough)
+    assert verdict.cause == "mechanical"
+    assert verdict.evidence.irregular == pytest.approx(12e-6, rel=0.4)
+
+
+def test_too_few_turns_are_undetermined() -> None:
+    verdict = judged(QUIET[:5], TARGET + WAVE[:5])
+    assert verdict.cause == "undetermined"
+    assert "5 turns" in verdict.sentence
+
+
+@pytest.mark.parametrize("cause", ["control", "mechanical"])
+def test_turned_around_and_scaled_it_is_the_same_verdict(cause: str) -> None:
+    seen = DIP if cause == "control" else 0.0 * DIP
+    shown = seen + (WAVE if cause == "mechanical" else 0.0) + noise(7)
+    for sense in (1.0, -1.0):
+        for scale in (1.0, 100.0):
+            verdict = tp.judge(TARGET + sense * scale * seen, TARGET + sense * scale * shown, target=TARGET,
+                               uncertainty=scale * U, screw_lead=10e-3)
+            assert verdict.cause == cause
+
+
+def test_drawn_threads_are_judged_as_they_were_made() -> None:
+    """The benchmark judges thousands; these are some of its development seeds."""
+    right = 0
+    for seed in range(60):
+        thread = drawn(seed)
+        verdict = tp.judge(thread.nominal, thread.measured, target=thread.machine.lead,
+                           uncertainty=thread.uncertainty, screw_lead=thread.machine.screw_lead)
+        right += verdict.cause == thread.cause
+        assert {verdict.cause, thread.cause} != {"control", "mechanical"}
+    assert right >= 57
+
+
+def test_missing_turns_are_left_out() -> None:
+    shown = TARGET + WAVE + noise(8)
+    shown[[4, 5, 20]] = np.nan
+    verdict = judged(QUIET, shown)
+    assert verdict.cause == "mechanical"
+    assert verdict.evidence.turns == TURNS.size - 3
+
+
+def test_start_angles_are_judged_together() -> None:
+    nominal = np.stack([TARGET + DIP, TARGET + DIP])
+    measured = np.stack([TARGET + DIP + noise(9), TARGET + DIP + WAVE + noise(10)])
+    verdict = tp.judge(nominal, measured, target=TARGET, uncertainty=U, screw_lead=10e-3)
+    assert verdict.cause == "both"
+    assert [row.cause for row in verdict.rows] == ["control", "both"]
+
+
+def test_the_drunken_error_comes_from_several_start_angles_only() -> None:
+    angle = np.linspace(0.0, 40.0 * math.pi, 40001)
+    position = TARGET * angle / (2.0 * math.pi) + 3e-6 * np.sin(angle)  # repeats with every turn
+    table = tp.thread_pitch(angle, position, (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi))
+    measured = TARGET + noise(11, table.pitch.shape[1])
+    verdict = tp.judge(table, measured, target=TARGET, uncertainty=U)
+    assert verdict.cause == "none"
+    assert verdict.evidence.within_turn == pytest.approx(6e-6, rel=1e-3)
+    alone = tp.judge(table.pitch[0], measured, target=TARGET, uncertainty=U)
+    assert alone.evidence.within_turn is None
+
+
+def test_the_document_is_json() -> None:
+    document = json.loads(json.dumps(verdict_document(judged(TARGET + DIP, TARGET + DIP + WAVE + noise(12))),
+                                     allow_nan=False))
+    assert document["cause"] == "both"
+    assert document["evidence"]["rest"][0]["size_um"] == pytest.approx(8.0, abs=1.0)
+    assert document["evidence"]["within_turn_um"] is None
+
+
+def test_uncertainties_of_the_measured_thread_win() -> None:
+    shown = TARGET + WAVE + noise(13)
+    known = MeasuredThread(shown, uncertainty=np.full(shown.size, U))
+    assert tp.judge(QUIET, known, target=TARGET, uncertainty=1.0e-3).cause == "mechanical"
+    vague = replace(known, uncertainty=np.full(shown.size, 20.0 * U))
+    assert tp.judge(QUIET, vague, target=TARGET).cause == "none"
+
+
+def test_what_cannot_be_judged_is_refused_in_one_line() -> None:
+    cases: list[tuple[object, object, dict[str, float], str]] = [
+        (QUIET, QUIET, {}, "uncertainty is not known"),
+        (QUIET, QUIET, {"uncertainty": 0.0}, "positive length"),
+        (QUIET, ["a"], {"uncertainty": U}, "no array of numbers"),
+        (QUIET, np.zeros((2, 2, 2)), {"uncertainty": U}, "shape"),
+        (1e3 * QUIET, 1e5 * QUIET, {"uncertainty": U}, "give pitches in m"),
+        (np.stack([QUIET, QUIET]), np.stack([QUIET] * 3), {"uncertainty": U}, "3 rows of measured"),
+        (QUIET, np.full(40, np.nan), {"uncertainty": U}, "no turn is in both"),
+        (np.full(401, TARGET), np.full(401, TARGET), {"uncertainty": U}, "give at most 400 of them at once"),
+    ]
+    for nominal, measured, options, text in cases:
+        with pytest.raises(JudgementError, match=text) as caught:
+            tp.judge(nominal, measured, target=TARGET, **options)  # type: ignore[arg-type]
+        assert "\n" not in str(caught.value)

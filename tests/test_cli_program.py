@@ -1,0 +1,75 @@
+"""``threadpitch run --program``: every pass of a program is cut, numbered and named as the words have it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Command, assert_one_line
+from threadpitch.run_folder import FILES
+
+PROGRAMS = Path(__file__).parents[1] / "models" / "programs"
+# two threads, so that there are two operations; the first G76 has two starts
+TWO_THREADS = """G97 S600 M3
+G0 X26. Z5.
+G76 P011060 Q100 R0.05
+G76 X18.16 Z-6. P920 Q700 F3.
+G0 X24. Z5.
+X18.2
+G32 Z-6. F1.5
+G0 X24.
+M30
+"""
+
+
+def test_passes_of_a_program_are_reported_one_by_one(threadpitch: Command, workplace: Path) -> None:
+    (workplace / "two.nc").write_text(TWO_THREADS, encoding="utf-8")
+    done = threadpitch("run", "--program", "two.nc", "--starts", "2", "--json")
+    assert done.status == 0
+    document = json.loads(done.out)
+    assert document["operations"] == 2
+    planned = json.loads(threadpitch("cycle", "--program", "two.nc", "--starts", "2", "--json").out)["passes"]
+    assert [one["pass"] for one in document["passes"]] == [one["number"] for one in planned]
+    assert [one["kind"] for one in document["passes"][:-1]] == [one["kind"] for one in planned[:-1]]
+    for one, words in zip(document["passes"][:-1], planned, strict=False):
+        assert one["depth_mm"] == pytest.approx(words["depth_mm"], abs=1e-9)
+    assert [one["start_number"] for one in document["passes"]] == [1, 1, 1, 2, 2, 2, 1]
+    assert [one["lead_mm"] for one in document["passes"]] == pytest.approx([3.0] * 6 + [1.5])
+    assert [one["groove_pitch_mm"] for one in document["passes"]] == pytest.approx([1.5] * 7)
+    assert [one["pass"] for one in document["passes"] if one["final_flank"]] == [3, 6, 7]
+    for name in ("operation-1", "operation-2"):
+        assert {path.name for path in (workplace / "threadpitch-run" / name).iterdir()} == set(FILES)
+
+
+def test_one_operation_lies_in_the_folder_itself_and_set_wins(threadpitch: Command, workplace: Path) -> None:
+    done = threadpitch("run", "--program", PROGRAMS / "m20x1.5_g32.nc", "--set", "controller.z_end=-8mm")
+    assert done.status == 0
+    assert "the final flank" in done.out
+    assert {path.name for path in (workplace / "threadpitch-run").iterdir()} == set(FILES)
+    rows = (workplace / "threadpitch-run" / "pitch.csv").read_text(encoding="utf-8").splitlines()
+    turns = max(int(row.split(",")[4]) for row in rows[1:])
+    assert 8 <= turns <= 9  # 14 mm of lead 1.5 mm
+
+
+def test_more_than_the_axis_does_is_warned_of(threadpitch: Command, workplace: Path) -> None:
+    done = threadpitch("run", "--stop-time", "1.3", "--set", "z_drive.speed_limit=10mm/s", "--json")
+    assert done.status == 0
+    assert_one_line(done.err, r"warning: 1.5 mm a turn at 500 rpm is more than the Z axis does; turn at most 400 rpm")
+
+
+@pytest.mark.parametrize(("text", "options", "message"), [
+    ("G0 X1 Z1\nM30\n", (), "the program cuts no thread"),
+    ("G97 S600 M3\nG0 X24. Z5.\nG32 Z-6.\nM30\n", (), r"p\.nc: line 3, column \d+: alarm"),
+    (TWO_THREADS, ("--results", "a.csv"), "leave them out"),
+    (TWO_THREADS, ("--dialect", "fanuk"), "did you mean fanuc"),
+    (TWO_THREADS, ("--wait", "never"), "choose once or every-block"),
+])
+def test_bad_programs_are_one_line(
+        text: str, options: tuple[str, ...], message: str, threadpitch: Command, workplace: Path) -> None:
+    (workplace / "p.nc").write_text(text, encoding="utf-8")
+    done = threadpitch("run", "--program", "p.nc", *options)
+    assert (done.status, done.out) == (2, "")
+    assert_one_line(done.err, message)
+    assert not (workplace / "threadpitch-run").exists()

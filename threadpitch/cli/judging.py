@@ -1,0 +1,168 @@
+"""What ``threadpitch analyze`` says about measured pitches and about a thread's tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from threadpitch.cli.printing import fail
+from threadpitch.judgement import Evidence, MeasuredThread, Verdict, judge, verdict_document
+from threadpitch.judgement.measured_file import read_measured
+from threadpitch.pitch import GroupPitch
+from threadpitch.tables import printable
+from threadpitch.tolerance import PitchConformity, Thread, parse_thread, pitch_conformity
+from threadpitch.units import from_si, to_si
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Options of the command line about the real thread, in their units."""
+
+    measured: Path | None = None
+    target_mm: float | None = None
+    uncertainty_um: float | None = None
+    screw_lead_mm: float | None = None
+    thread: str | None = None
+    limit_percent: float = 25.0
+    engagement_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What was found: a verdict where pitches were measured, tolerances where a thread was named."""
+
+    group: str
+    verdict: Verdict | None
+    tolerances: tuple[tuple[str, PitchConformity], ...]  # (of what, how it keeps to its tolerance)
+
+
+def find(groups: Sequence[GroupPitch], asked: Judged) -> Findings:
+    """Judge the last group of the log: the pass that leaves the groove.
+
+    Raises:
+        JudgementError: the measured pitches cannot be judged.
+        ToleranceError: the designation cannot be read.
+        LatheError: an option is missing.
+    """
+    group = groups[-1]
+    thread = None if asked.thread is None else parse_thread(asked.thread)
+    measured = [] if asked.measured is None else read_measured(asked.measured)
+    verdict = _verdict(group, measured, thread, asked) if measured else None
+    return Findings(group.label, verdict, tuple(_tolerances(group, measured, thread, asked)) if thread else ())
+
+
+def findings_document(found: Findings) -> dict[str, object]:
+    """As JSON, lengths in um; what was not asked for is left out."""
+    document: dict[str, object] = {}
+    if found.verdict is not None:
+        document["verdict"] = {"group": found.group, **verdict_document(found.verdict)}
+    if found.tolerances:
+        document["tolerance"] = [{"of": name, **_conformity_document(one)} for name, one in found.tolerances]
+    return document
+
+
+def show_findings(console: Console, found: Findings) -> None:
+    """The verdict and the tolerances as text."""
+    if found.verdict is not None:
+        console.print(Text(f"Verdict on the measured pitches, against group {printable(found.group)}", style="bold"))
+        for line in _verdict_lines(found.verdict):
+            console.print(Text(printable(line)), soft_wrap=False)
+    for name, one in found.tolerances:
+        console.print(Text(f"Tolerance, {printable(name)}", style="bold"))
+        for line in _conformity_lines(one):
+            console.print(Text(line))
+
+
+def _verdict(group: GroupPitch, measured: list[MeasuredThread], thread: Thread | None, asked: Judged) -> Verdict:
+    if asked.target_mm is not None:
+        target = to_si(asked.target_mm, "mm")
+    elif thread is not None:
+        target = thread.lead
+    else:
+        fail("the target of the pitch is not known; give --target in mm, or --thread like M20x1.5-6g")
+    return judge(group.table, measured, target=target, uncertainty=_si(asked.uncertainty_um, "um"),
+                 screw_lead=_si(asked.screw_lead_mm, "mm"))
+
+
+def _tolerances(group: GroupPitch, measured: list[MeasuredThread], thread: Thread,
+                asked: Judged) -> list[tuple[str, PitchConformity]]:
+    """Of every measured thread; of the nominal pitches where nothing was measured."""
+    share, engagement = asked.limit_percent / 100.0, _si(asked.engagement_mm, "mm")
+    found = []
+    for one in measured:
+        uncertainty = _si(asked.uncertainty_um, "um") or 0.0
+        if one.uncertainty is not None:
+            uncertainty = float(one.uncertainty.max())
+        name = " ".join(word for word in ("measured pitches", one.flank, _angle(one)) if word)
+        found.append((name, pitch_conformity(one.pitch, thread, uncertainty=uncertainty, limit_share=share,
+                                             engagement=engagement)))
+    for row, angle in enumerate([] if measured else group.table.start_angles):
+        name = f"nominal pitches of group {group.label}, start angle {np.degrees(angle):.6g} deg"
+        found.append((name, pitch_conformity(group.table.pitch[row], thread, limit_share=share,
+                                             engagement=engagement)))
+    return found
+
+
+def _angle(measured: MeasuredThread) -> str:
+    return "" if measured.start_angle is None else f"at {from_si(measured.start_angle, 'deg'):.6g} deg"
+
+
+def _si(value: float | None, unit: str) -> float | None:
+    return None if value is None else to_si(value, unit)
+
+
+def _verdict_lines(verdict: Verdict) -> list[str]:
+    lines = [verdict.sentence, *(f"  - {line}" for line in verdict.advice), *_evidence_lines(verdict.evidence)]
+    lines += [f"Note: {note}" for note in verdict.notes]
+    for number, row in enumerate(verdict.rows, start=1):
+        lines.append(f"Measured row {number}: {row.sentence}")
+    return lines
+
+
+def _evidence_lines(found: Evidence) -> list[str]:
+    lines = [f"Turns in both tables: {found.turns}"]
+    if found.gain is not None and found.gain_interval is not None:
+        lines.append(f"Gain: {found.gain:.3f} ({found.gain_interval[0]:.3f} to {found.gain_interval[1]:.3f})")
+    if found.correlation is not None and found.correlation_interval is not None:
+        low, high = found.correlation_interval
+        lines.append(f"Correlation: {found.correlation:.3f} ({low:.3f} to {high:.3f}), permutation test "
+                     f"p = {found.permutation_p:.4f}")
+    if found.sign_agreement is not None:
+        lines.append(f"Turns on the same side of the target: {100.0 * found.sign_agreement:.0f} %")
+    lines.append(f"Share of the control: {100.0 * found.control_share:.0f} %, of the rest: "
+                 f"{100.0 * found.rest_share:.0f} %")
+    error = "not observable from P(n)" if found.within_turn is None else \
+        f"{from_si(found.within_turn, 'um'):.3g} um (nominal)"
+    return [*lines, f"Error within the turn that repeats: {error}"]
+
+
+def _conformity_lines(found: PitchConformity) -> list[str]:
+    first, last = found.cumulative_turns
+    um = {name: from_si(getattr(found, name), "um") for name in ("cumulative", "limit", "per_turn", "tolerance",
+                                                                  "expanded_uncertainty")}
+    return [
+        f"{found.verdict.capitalize()}: cumulative deviation {um['cumulative']:.2f} um (turns {first} to {last}) "
+        f"+- {um['expanded_uncertainty']:.2f} um, limit {um['limit']:.2f} um",
+        f"Takes {100.0 * found.cumulative_share:.1f} % of the pitch-diameter tolerance of {um['tolerance']:.0f} um; "
+        f"one turn at most {um['per_turn']:.2f} um, {100.0 * found.per_turn_share:.1f} %",
+    ]
+
+
+def _conformity_document(found: PitchConformity) -> dict[str, object]:
+    return {
+        "verdict": found.verdict,
+        "pitch_diameter_tolerance_um": from_si(found.tolerance, "um"),
+        "limit_um": from_si(found.limit, "um"),
+        "cumulative_um": from_si(found.cumulative, "um"),
+        "cumulative_turns": list(found.cumulative_turns),
+        "cumulative_share": found.cumulative_share,
+        "per_turn_um": from_si(found.per_turn, "um"),
+        "per_turn_share": found.per_turn_share,
+        "expanded_uncertainty_um": from_si(found.expanded_uncertainty, "um"),
+        "engagement_mm": from_si(found.engagement, "mm"),
+    }

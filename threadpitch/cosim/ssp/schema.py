@@ -1,0 +1,83 @@
+"""SSP's namespaces, and its files as documents that keep their schema: SSP 1.0's from FMPy, 2.0's from pyssp_standard.
+
+Of pyssp_standard only the schemas are used (see ``read_system``); it is not imported, which would take half a second.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import as_file, files
+from importlib.util import find_spec
+from pathlib import Path
+
+from lxml import etree
+
+from threadpitch.cosim.document import DocumentError, Element, line_of, parse_document
+from threadpitch.cosim.system import SystemStructureError
+
+_BASE = "{http://ssp-standard.org/SSP1/SystemStructure"
+SSD = f"{_BASE}Description}}"
+SSC = f"{_BASE}Common}}"
+SSV = f"{_BASE}ParameterValues}}"
+SSM = f"{_BASE}ParameterMapping}}"
+SSB = f"{_BASE}SignalDictionary}}"
+VERSIONS = ("1.0", "2.0")  # the namespaces are the same
+_FILES = {SSD: "Description", SSV: "ParameterValues", SSM: "ParameterMapping", SSB: "SignalDictionary"}
+
+
+def parse(path: Path, name: str, expected: str) -> Element:
+    """The root of a file, which has the tag ``expected`` and keeps its schema; ``name`` stands for it in messages.
+
+    Raises:
+        SystemStructureError: the file is missing, is something else, or breaks its schema.
+    """
+    what = etree.QName(expected).localname
+    try:
+        root = parse_document(path)
+    except DocumentError as error:
+        raise SystemStructureError(f"{name}: {error}; give a file with a {what} of SSP") from None
+    if root.tag != expected:
+        raise SystemStructureError(f"{name}: holds <{etree.QName(root).localname}>, not a {what} of SSP")
+    validate(root, name)
+    return root
+
+
+def validate(root: Element, name: str) -> None:
+    """Hold a document, or one that stands inside of another, against the schema of its version.
+
+    Raises:
+        SystemStructureError: it breaks it, or is of another version; the message tells the line.
+    """
+    version = root.get("version", "").strip()
+    if version not in VERSIONS:
+        raise SystemStructureError(f"{name}: is SSP version {version!r}; only {' and '.join(VERSIONS)} are read: "
+                                   "export it so")
+    schema = _schema(version, _FILES[str(root.tag).partition("}")[0] + "}"])
+    if not schema.validate(root):
+        error = schema.error_log[0]  # type: ignore[index] # lxml-stubs know no index
+        raise SystemStructureError(f"{name}: breaks the SSP {version} schema: line {error.line}: {error.message}")
+
+
+def inside(parent: Element, path: str) -> Element:
+    """The child that the schema makes sure of."""
+    child = parent.find(path)
+    assert child is not None, path
+    return child
+
+
+def where(name: str, element: Element) -> str:
+    """``file:line`` of an element."""
+    return f"{name}:{line_of(element)}"
+
+
+@cache
+def _schema(version: str, kind: str) -> etree.XMLSchema:
+    file = f"SystemStructure{kind}.xsd"
+    if version == "1.0":
+        with as_file(files("fmpy.ssp") / "schema") as folder:
+            return etree.XMLSchema(file=str(folder / file))
+    package = find_spec("pyssp_standard")
+    if package is None or not package.submodule_search_locations:
+        raise SystemStructureError("the schemas of SSP 2.0 are missing; install pyssp-standard")
+    folder = Path(package.submodule_search_locations[0]) / "resources" / "ssp2"
+    return etree.XMLSchema(file=str(folder / file))

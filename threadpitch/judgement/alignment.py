@@ -1,0 +1,142 @@
+"""Which measured turn is which nominal one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from threadpitch.judgement.verdict import JudgementError
+from threadpitch.pitch import PitchTable
+from threadpitch.trace import TURN, FloatArray
+
+LARGEST = 10.0  # m, of a pitch; what is larger is damaged, and squares stay finite
+_ASTRAY = 0.3  # of a lead: so far may a measured place be from the turn that it is taken for
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredThread:
+    """Pitches of a real thread, and where on it they were measured.
+
+    ``turn`` numbers the turns as the nominal table does; ``position`` is the middle between the two grooves along the
+    axis, in the coordinate of the feed. NaN is a turn that was not measured.
+    """
+
+    pitch: FloatArray  # (turns,) m
+    turn: FloatArray | None = None  # (turns,)
+    position: FloatArray | None = None  # (turns,) m
+    uncertainty: FloatArray | None = None  # (turns,) m, standard
+    start_angle: float | None = None  # rad
+    flank: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """The same turns of both tables."""
+
+    turns: FloatArray  # (turns,) number in the nominal table
+    nominal: FloatArray  # (turns,) m
+    measured: FloatArray  # (turns,) m
+    uncertainty: FloatArray  # (turns,) m
+    offset: float  # turn of the nominal table less that of the measured one
+
+
+def pitches(values: ArrayLike, name: str) -> FloatArray:
+    """(turns,) m; NaN where a turn is missing.
+
+    Raises:
+        JudgementError: no numbers, not one row of them, infinite or no pitch in metres.
+    """
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise JudgementError(f"{name} pitches are no array of numbers; give (turns,) in m, NaN where one is missing") \
+            from None
+    if array.ndim != 1:
+        raise JudgementError(f"{name} pitches have the shape {array.shape}; give one value per turn, (turns,)")
+    bad = np.isinf(array) | (np.abs(array) > LARGEST)
+    if bad.any():
+        turn = int(np.argmax(bad)) + 1
+        raise JudgementError(f"{name} pitch of turn {turn} is {array[turn - 1]:g} m; give pitches in m, NaN where one "
+                             "is missing")
+    return array
+
+
+def pairs(nominal: FloatArray, measured: MeasuredThread, uncertainty: FloatArray,
+          places: FloatArray | None) -> list[Pair]:
+    """The ways to lay the measured turns over the nominal ones; one where turn numbers or positions say it.
+
+    ``places`` (nominal turns,) m is the middle of each nominal turn along the axis, where that is known.
+
+    Raises:
+        JudgementError: turn numbers are no whole numbers or come twice, positions lie between the turns.
+    """
+    if measured.turn is not None:
+        numbers = _whole(measured.turn, "turn")
+        return [_pair(nominal, measured, uncertainty, numbers, 0.0)]
+    if measured.position is not None and places is not None:
+        numbers = _by_place(measured.position, places)
+        return [_pair(nominal, measured, uncertainty, numbers, float(numbers[0] - 1.0))]
+    counted = np.arange(1.0, measured.pitch.size + 1.0)
+    spare = nominal.size - measured.pitch.size
+    return [_pair(nominal, measured, uncertainty, counted + offset, float(offset))
+            for offset in range(min(spare, 0), max(spare, 0) + 1)]
+
+
+def nominal_places(table: PitchTable, row: int) -> FloatArray | None:
+    """(turns,) m middle of each nominal turn along the axis; None where the table has no crossings."""
+    crossings = table.crossings[row]
+    return None if np.isnan(crossings).all() else 0.5 * (crossings[1:] + crossings[:-1])
+
+
+def nearest_row(table: PitchTable, start_angle: float) -> int:
+    """The row of the table for this start angle.
+
+    Raises:
+        JudgementError: no row lies within a degree of it.
+    """
+    apart = np.abs((table.start_angles - start_angle + 0.5 * TURN) % TURN - 0.5 * TURN)
+    row = int(np.argmin(apart))
+    if apart[row] > TURN / 360.0:
+        raise JudgementError(f"measured at the start angle {start_angle / TURN * 360.0:.6g} degrees, for which there "
+                             "are no nominal pitches; calculate them with --start-angle")
+    return row
+
+
+def _pair(nominal: FloatArray, measured: MeasuredThread, uncertainty: FloatArray, numbers: FloatArray,
+          offset: float) -> Pair:
+    order = np.argsort(numbers)
+    order = order[(numbers[order] >= 1.0) & (numbers[order] <= nominal.size)]
+    inside = numbers[order]
+    seen = nominal[inside.astype(np.int64) - 1]
+    known = ~np.isnan(seen) & ~np.isnan(measured.pitch[order])
+    return Pair(inside[known], seen[known], measured.pitch[order][known], uncertainty[order][known], offset)
+
+
+def _whole(numbers: FloatArray, name: str) -> FloatArray:
+    rounded = np.round(numbers)
+    if not np.isfinite(numbers).all() or (np.abs(numbers - rounded) > 1e-6).any():
+        bad = numbers[~(np.abs(numbers - rounded) <= 1e-6)][0]
+        raise JudgementError(f"measured {name} {bad:g} is no whole number; number the turns 1, 2, 3, ...")
+    values, counts = np.unique(rounded, return_counts=True)
+    if (counts > 1).any():
+        raise JudgementError(f"measured {name} {values[counts > 1][0]:g} comes {counts.max()} times; give each turn "
+                             "once, and flanks and start angles apart")
+    return rounded
+
+
+def _by_place(position: FloatArray, places: FloatArray) -> FloatArray:
+    """(measured,) turn numbers of the nearest nominal turns; beyond their ends counted on in whole leads."""
+    known = np.flatnonzero(~np.isnan(places))
+    if known.size < 2:
+        raise JudgementError("the nominal table has no two turns with positions; give turn numbers")
+    slope, start = np.polyfit(known + 1.0, places[known], 1)
+    exact = (position - start) / slope
+    turns = np.round(exact)
+    astray = np.abs(exact - turns)
+    if not np.isfinite(exact).all() or float(np.median(astray)) > _ASTRAY:
+        raise JudgementError(f"measured positions lie {np.median(astray):.2f} of a lead from the middle of the nominal "
+                             "turns; measure from the zero of the feed's position, or give turn numbers")
+    return _whole(turns, "turn (by its position)")

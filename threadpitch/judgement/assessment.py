@@ -1,0 +1,136 @@
+"""The four hypotheses about a pair of tables, and the evidence that they leave."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from threadpitch.judgement import tendency
+from threadpitch.judgement.alignment import Pair
+from threadpitch.judgement.hypotheses import (
+    BOTH,
+    CONTROL,
+    MECHANICAL,
+    UNDETERMINED,
+    Fluctuations,
+    Hypothesis,
+    decide,
+    hidden,
+    hypotheses,
+    without_control,
+)
+from threadpitch.judgement.jitter import Nominal, nominal_parts
+from threadpitch.judgement.noise import neighbours
+from threadpitch.judgement.shapes import Dictionary, Shape, dictionary
+from threadpitch.judgement.verdict import Evidence, Part
+from threadpitch.trace import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """Deviations of one pair of tables, and all hypotheses about them."""
+
+    data: Fluctuations
+    nominal: Nominal
+    candidates: Dictionary
+    found: dict[str, Hypothesis]
+    offset: float
+
+    @property
+    def costs(self) -> dict[str, float]:
+        """By cause."""
+        return {cause: one.cost for cause, one in self.found.items()}
+
+
+    def cause(self) -> str:
+        """What the costs tell, where the nominal pitches could tell it."""
+        return self.cause_at(self.costs)
+
+    def cause_at(self, costs: dict[str, float]) -> str:
+        """The same at other costs."""
+        cause = decide(costs)
+        if cause == MECHANICAL and hidden(self.data, self.nominal, self.found[MECHANICAL]):
+            return UNDETERMINED
+        return cause
+
+
+def assess(pair: Pair, target: float, screw_turns: float | None) -> Assessment:
+    """The hypotheses about P - target of the two tables."""
+    data = Fluctuations(pair.turns, pair.nominal - target, pair.measured - target, pair.uncertainty,
+                        neighbours(pair.turns))
+    candidates = dictionary(tuple(pair.turns.tolist()), screw_turns)
+    shapes = without_control(data, candidates)
+    nominal = nominal_parts(data.nominal, (data.measured, shapes.left * data.uncertainty), data.linked, candidates)
+    return Assessment(data, nominal, candidates, hypotheses(data, nominal, candidates, shapes), pair.offset)
+
+
+def evidence(found: Assessment, cause: str) -> Evidence:
+    """The numbers that belong to a verdict."""
+    data = found.data
+    chosen = _hypothesis(found, cause)
+    mechanical = chosen.cause in (MECHANICAL, BOTH)
+    basis = chosen.explanation.basis if mechanical else np.zeros((data.turns.size, 0))
+    uncertainty = float(np.sqrt(np.mean(data.uncertainty**2)))
+    gain = tendency.gain(data.nominal, data.measured, basis, (uncertainty**2, chosen.jitter))
+    related = tendency.correlation(data.nominal, data.measured)
+    fluctuation = float(np.sqrt(np.mean(data.measured**2)))
+    return Evidence(
+        turns=data.turns.size, offset=found.offset, fluctuation=fluctuation,
+        largest=float(data.measured[np.argmax(np.abs(data.measured))]), uncertainty=uncertainty,
+        gain=None if gain is None else gain[0], gain_interval=None if gain is None else gain[1:],
+        correlation=None if related is None else related[0],
+        correlation_interval=None if related is None else related[1:],
+        permutation_p=tendency.permutation_p(data.turns, data.nominal, data.measured),
+        sign_agreement=tendency.sign_agreement(data.nominal, data.measured),
+        control_share=_share(data, chosen), nominal_jitter=math.sqrt(chosen.jitter),
+        rest=tuple(_parts(chosen, data, found.candidates)) if mechanical else (),
+        irregular=_irregular(chosen), within_turn=None, costs=found.costs,
+    )
+
+
+def _hypothesis(found: Assessment, cause: str) -> Hypothesis:
+    """That of the cause; of an undetermined one the cheapest."""
+    if cause in found.found and cause != UNDETERMINED:
+        return found.found[cause]
+    return min(found.found.values(), key=lambda one: one.cost)
+
+
+def _share(data: Fluctuations, chosen: Hypothesis) -> float:
+    """|g x|^2 / (|g x|^2 + |y - g x|^2), the noise taken off the rest; 0 or 1 where one of them has no part."""
+    if chosen.cause != BOTH:
+        return 1.0 if chosen.cause == CONTROL else 0.0
+    control = float(np.sum((chosen.gain * chosen.seen) ** 2))
+    noise = float(np.sum(chosen.scale**2))
+    rest = max(float(np.sum((data.measured - chosen.gain * chosen.seen) ** 2)) - noise, 0.0)
+    return control / max(control + rest, 1e-30)
+
+
+def _parts(chosen: Hypothesis, data: Fluctuations, candidates: Dictionary) -> list[Part]:
+    """The shapes with their sizes, fitted together to what the control leaves; the largest first."""
+    shapes = chosen.explanation.shapes
+    if not shapes:
+        return []
+    rest = (data.measured - chosen.gain * chosen.seen) / chosen.scale
+    indices = [index for shape in shapes for index in shape.columns]
+    sizes = np.linalg.lstsq(candidates.columns[:, indices], rest, rcond=None)[0]
+    found: list[Part] = []
+    for shape in shapes:
+        here, sizes = sizes[:len(shape.columns)], sizes[len(shape.columns):]
+        found.append(_part(shape, candidates.columns[:, shape.columns] @ here * chosen.scale))
+    return sorted(found, key=lambda part: -abs(part.size))
+
+
+def _part(shape: Shape, share: FloatArray) -> Part:
+    largest = float(share[np.argmax(np.abs(share))])
+    if len(shape.columns) == 2:  # a wave: what it reaches between the turns counts as well
+        largest = math.sqrt(2.0 * float(np.mean(share**2))) if shape.period > 2.0 + 1e-9 else abs(largest)
+    return Part(shape.kind, largest, float(shape.turns[0]), float(shape.turns[1]),
+                None if math.isnan(shape.period) else shape.period, None if math.isnan(shape.decay) else shape.decay)
+
+
+def _irregular(chosen: Hypothesis) -> float:
+    """Root mean square [m] of the rest beside its parts and the noise, where it is more than noise."""
+    excess = chosen.explanation.irregular**2 - 1.0
+    return math.sqrt(excess * float(np.mean(chosen.scale**2))) if excess > 0.0 else 0.0

@@ -1,0 +1,173 @@
+"""Four hypotheses about a thread, and what each costs: nothing, the control, mechanics, both.
+
+    none        P_measured - P_ref = noise
+    control     P_measured - P_ref = g (P_nominal - P_ref) + noise
+    mechanical  P_measured - P_ref = shapes + noise
+    both        P_measured - P_ref = g (P_nominal - P_ref) + shapes + noise
+
+What the detectors saw the feed do, the tool did: g is 1, but for what moves between detector and tool
+(``GAIN_RANGE``). Costs are minus twice the logarithm of the likelihood plus the prices of ``pursuit``. Where the
+nominal pitches jitter, they are taken as they are, with the jitter as additional noise, or smoothed, whichever
+explains more.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from threadpitch.judgement.jitter import Nominal
+from threadpitch.judgement.noise import BoolArray, crossing_variance, measured_variance
+from threadpitch.judgement.pursuit import Explanation, explain, pruned, span, unexplained, with_shapes
+from threadpitch.judgement.shapes import Dictionary
+from threadpitch.trace import FloatArray
+
+CONTROL, MECHANICAL, BOTH, NONE, UNDETERMINED = "control", "mechanical", "both", "none", "undetermined"
+GAIN_RANGE = (0.95, 1.05)  # of the movement that a drive's table makes per movement that its detector sees
+CONTROL_PRICE = 3.0
+MARGIN = 4.0  # by which a cause must win: a likelihood ratio of e^2, on top of the prices
+VISIBLE = 9.0  # sum of the squares of the nominal fluctuation over the uncertainty: less cannot be seen in the thread
+SHOWS = 25.0  # the same: so much must be seen
+PHYSICS = 14.0  # cost of a feed that moves in the detectors' sight and leaves nothing in the thread: one in a thousand
+TOLD = 16.0  # square over the jitter's variance from which the nominal pitches tell whether a shape is in them
+WORTH_SMOOTHING = 0.2  # jitter over measuring uncertainty
+
+
+@dataclass(frozen=True, eq=False)
+class Fluctuations:
+    """Deviations from the target, turn by turn, over the turns that both tables have."""
+
+    turns: FloatArray  # (turns,) number of each turn
+    nominal: FloatArray  # (turns,) m
+    measured: FloatArray  # (turns,) m
+    uncertainty: FloatArray  # (turns,) m, standard, of each measured pitch
+    linked: BoolArray  # (turns - 1,) the next turn follows at once
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """The control's part of the fluctuation, as far as it can be known."""
+
+    nominal: FloatArray  # (turns,) m
+    variance: FloatArray  # (turns,) m2, of what jitter leaves in it
+    jitter: float  # m2, variance of one nominal pitch that is not in the thread
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One of the four, as well as it can be had."""
+
+    cause: str
+    gain: float  # g; 0 where the control has no part
+    seen: FloatArray  # (turns,) m, the nominal fluctuation that g multiplies
+    scale: FloatArray  # (turns,) m, what one unit of the explanation is
+    jitter: float  # m2, variance of one nominal pitch that is not in the thread
+    explanation: Explanation
+    cost: float
+
+
+def without_control(data: Fluctuations, candidates: Dictionary) -> Explanation:
+    """The measured fluctuation by shapes alone."""
+    return explain(data.measured / data.uncertainty, candidates, measured_variance(data.linked))
+
+
+def hypotheses(data: Fluctuations, nominal: Nominal, candidates: Dictionary, shapes: Explanation) -> \
+        dict[str, Hypothesis]:
+    """The four, by cause; without the control where it did too little to show. ``shapes``: ``without_control``."""
+    plain = data.measured / data.uncertainty
+    absent = np.zeros_like(plain)
+    noise = unexplained(plain)
+    surprise = PHYSICS if nominal.moves and _energy(data, nominal, candidates) > SHOWS else 0.0
+    found = [Hypothesis(NONE, 0.0, absent, data.uncertainty, nominal.jitter, noise, noise.cost),
+             Hypothesis(MECHANICAL, 0.0, absent, data.uncertainty, nominal.jitter, shapes, shapes.cost + surprise)]
+    if _energy(data, nominal, candidates) < VISIBLE:
+        return {one.cause: one for one in found}
+    sights = _sights(data, nominal, candidates, shapes)
+    for cause in (CONTROL, BOTH):
+        offers = [_with_control(cause, data, seen, candidates, shapes) for seen in sights]
+        found.append(min(offers, key=lambda one: one.cost))
+    return {one.cause: one for one in found}
+
+
+def decide(costs: dict[str, float]) -> str:
+    """The cause that costs least, where no other does nearly as well; the simpler of two that do.
+
+    Noise alone needs no margin: every cause has paid its price already. Where "both" wins over a single cause by less
+    than ``MARGIN``, the other cause is too small to be sure of, and the single one is named.
+    """
+    best = min(costs, key=lambda cause: costs[cause])
+    if best == NONE:
+        return NONE
+    near = {cause for cause, cost in costs.items() if cost < costs[best] + MARGIN}
+    if NONE in near or {CONTROL, MECHANICAL} <= near:
+        return UNDETERMINED
+    return next((cause for cause in (CONTROL, MECHANICAL) if cause in near), best)
+
+
+def _sights(data: Fluctuations, nominal: Nominal, candidates: Dictionary, measured: Explanation) -> list[Seen]:
+    """The nominal fluctuation as it is; where it jitters, also what its shapes, and those of the thread, make of it."""
+    found = [Seen(data.nominal, np.full_like(data.nominal, jitter), jitter)
+             for jitter in sorted({nominal.least_jitter, nominal.jitter})]
+    if math.sqrt(nominal.jitter) <= WORTH_SMOOTHING * float(np.median(data.uncertainty)):
+        return found
+    offers = [nominal.shapes, tuple(dict.fromkeys(nominal.shapes + measured.shapes))] if nominal.moves else []
+    if not nominal.moves and _told(data.nominal, nominal.jitter, data, measured.basis):
+        offers = [measured.shapes]
+    for shapes in offers:
+        basis = span(shapes, candidates)
+        found.append(Seen(basis @ (basis.T @ data.nominal), nominal.jitter * np.sum(basis**2, axis=1),
+                          nominal.jitter))
+    return found
+
+
+def _told(deviation: FloatArray, jitter: float, data: Fluctuations, basis: FloatArray) -> bool:
+    """Whether the part of a deviation in these directions stands out of the nominal pitches' jitter."""
+    square = (basis.T @ deviation) ** 2 / crossing_variance(data.linked)(basis)
+    return float(np.sum(square)) > TOLD * jitter
+
+
+def hidden(data: Fluctuations, nominal: Nominal, mechanical: Hypothesis) -> bool:
+    """Whether the nominal pitches jitter so much that they would not show what the thread shows."""
+    jitter = nominal.least_jitter
+    if nominal.moves or jitter <= 0.0:
+        return False
+    found = mechanical.explanation
+    irregular = float(np.sum((found.left * mechanical.scale)**2)) if found.irregular > 1.0 else 0.0
+    return irregular < TOLD * jitter and not _told(data.measured, jitter, data, found.basis)
+
+
+def _with_control(cause: str, data: Fluctuations, seen: Seen, candidates: Dictionary,
+                  mechanical: Explanation) -> Hypothesis:
+    """The nominal fluctuation is taken off with the gain within its range that leaves least."""
+    scale = np.sqrt(data.uncertainty**2 + seen.variance)
+    nominal, measured = seen.nominal / scale, data.measured / scale
+    added = float(2.0 * np.sum(np.log(scale / data.uncertainty)))
+    gain, basis = 1.0, np.zeros((nominal.size, 0))
+    for _ in range(2):  # the gain depends a little on the shapes, and they on the gain
+        gain = _gain(nominal, measured, basis)
+        rest = measured - gain * nominal
+        shapes = unexplained(rest)
+        if cause == BOTH:
+            variance = measured_variance(data.linked)
+            same = with_shapes(rest, mechanical.shapes, candidates, variance)
+            shapes = min(explain(rest, candidates, variance), pruned(rest, same, candidates, variance),
+                         key=lambda one: one.cost)
+        basis = shapes.basis
+    return Hypothesis(cause, gain, seen.nominal, scale, seen.jitter, shapes, shapes.cost + added + CONTROL_PRICE)
+
+
+def _energy(data: Fluctuations, nominal: Nominal, candidates: Dictionary) -> float:
+    """Sum of the squares of the nominal fluctuation less its jitter, over the measuring uncertainty."""
+    whole = float(np.sum((data.nominal**2 - nominal.least_jitter) / data.uncertainty**2))
+    basis = span(nominal.shapes, candidates)
+    return max(whole, float(np.sum((basis @ (basis.T @ data.nominal) / data.uncertainty)**2)))
+
+
+def _gain(nominal: FloatArray, measured: FloatArray, basis: FloatArray) -> float:
+    free = nominal - basis @ (basis.T @ nominal)
+    square = float(free @ free)
+    if not square > 0.0 or not math.isfinite(square):
+        return 1.0
+    return float(np.clip(float(free @ measured) / square, *GAIN_RANGE))

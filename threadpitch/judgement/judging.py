@@ -1,0 +1,226 @@
+"""``judge``: nominal and measured pitches -> where the fluctuation comes from, with the evidence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from threadpitch.judgement.alignment import MeasuredThread, Pair, nearest_row, nominal_places, pairs, pitches
+from threadpitch.judgement.assessment import Assessment, assess, evidence
+from threadpitch.judgement.hypotheses import BOTH, CONTROL, MECHANICAL, NONE, UNDETERMINED
+from threadpitch.judgement.verdict import JudgementError, Verdict
+from threadpitch.judgement.within_turn import drunkenness
+from threadpitch.judgement.wording import advice, sentence
+from threadpitch.pitch import PitchTable
+from threadpitch.trace import FloatArray
+
+FEWEST_TURNS = 6
+MOST_TURNS = 400  # of one judgement; the shapes of more are too many to try
+MOST_OFFSETS = 40  # ways to lay tables of different lengths over one another
+NEAR_OFFSETS = 8.0  # cost by which another place may fit worse and still be the right one
+SHIFTS = (-2, -1, 1, 2)  # turns by which tables of one length may be out of step
+_SHIFT_WORTH = 0.5  # part of the squares of measured less nominal pitch that a shift must leave at most to be tried
+OUT_OF_STEP = 20.0  # cost that a shift saves where the tables are numbered differently
+
+
+@dataclass(frozen=True)
+class _Question:
+    """What is asked about every row."""
+
+    target: float  # m
+    uncertainty: float | None  # m
+    screw_turns: float | None
+
+
+def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread | Sequence[MeasuredThread], *,
+          target: float, uncertainty: float | None = None, screw_lead: float | None = None) -> Verdict:
+    """Cause of the fluctuation of a thread's pitches: control, mechanical, both, none or undetermined.
+
+        P_measured(n) - P_ref = g (P_nominal(n) - P_ref) + rest(n) + noise,  g = 1 but for what the control cannot see
+
+    Four hypotheses (noise; g; a rest made of few shapes; both) are compared by their likelihood, each with the price
+    of what it may choose from. A cause is named where it wins by a margin; else the verdict is undetermined.
+
+    Args:
+        nominal: P(n) (revolutions,) m, or (start_angles, revolutions), or the table that ``thread_pitch`` makes.
+        measured: P_n (revolutions,) m, or (start_angles, revolutions); NaN where a turn was not measured. Or measured
+            threads with turn numbers, positions, uncertainties of their own; several for several start angles.
+        target: P_ref, m: the movement per revolution that was wanted (the lead).
+        uncertainty: standard uncertainty of one measured pitch, m; those of a measured thread win.
+        screw_lead: lead of the feed's ball screw, m: finds what repeats with its turns.
+
+    Tables of different length are laid over one another by turn numbers or positions, or where there are none, by
+    their fluctuations, if those leave no doubt.
+
+    Raises:
+        JudgementError: no numbers, no target or uncertainty, tables that cannot be laid over one another.
+
+    Source: US 2016/0008901 A1, paragraphs 46 to 51.
+    """
+    question = _question(target, uncertainty, screw_lead)
+    rows = _rows(nominal, measured)
+    verdicts = [_judge_row(row, question) for row in rows]
+    if isinstance(nominal, PitchTable):
+        error = drunkenness(nominal, target)
+        verdicts = [replace(one, evidence=replace(one.evidence, within_turn=error)) for one in verdicts]
+    return verdicts[0] if len(verdicts) == 1 else _together(verdicts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Row:
+    nominal: FloatArray  # (turns,) m
+    measured: MeasuredThread
+    places: FloatArray | None  # (turns,) m
+
+
+def _question(target: float, uncertainty: float | None, screw_lead: float | None) -> _Question:
+    for name, value in (("target", target), ("uncertainty", uncertainty), ("screw lead", screw_lead)):
+        if value is not None and not 0.0 < value < 1.0:
+            raise JudgementError(f"{name} is {value:g} m; give a positive length in m")
+    return _Question(target, uncertainty, None if screw_lead is None else target / screw_lead)
+
+
+def _rows(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread | Sequence[MeasuredThread]) -> \
+        list[_Row]:
+    if isinstance(measured, MeasuredThread):
+        measured = [measured]
+    if isinstance(measured, Sequence) and measured and isinstance(measured[0], MeasuredThread):
+        return [_row_of(nominal, one) for one in measured if isinstance(one, MeasuredThread)]
+    table = _two_dimensional(measured, "measured")
+    seen = nominal.pitch if isinstance(nominal, PitchTable) else _two_dimensional(nominal, "nominal")
+    if len(table) == 1:
+        seen = seen[:1]
+    if len(seen) != len(table):
+        raise JudgementError(f"{len(table)} rows of measured pitches, {len(seen)} of nominal ones; give one row for "
+                             "each start angle")
+    return [_Row(pitches(one, "nominal"), MeasuredThread(pitches(other, "measured")), None)
+            for one, other in zip(seen, table, strict=True)]
+
+
+def _row_of(nominal: ArrayLike | PitchTable, measured: MeasuredThread) -> _Row:
+    if not isinstance(nominal, PitchTable):
+        return _Row(pitches(_two_dimensional(nominal, "nominal")[0], "nominal"), measured, None)
+    row = 0 if measured.start_angle is None else nearest_row(nominal, measured.start_angle)
+    return _Row(nominal.pitch[row], measured, nominal_places(nominal, row))
+
+
+def _two_dimensional(values: object, name: str) -> FloatArray:
+    try:
+        array = np.atleast_2d(np.array(values, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise JudgementError(f"{name} pitches are no array of numbers; give (turns,) in m, NaN where one is missing") \
+            from None
+    if array.ndim != 2:
+        raise JudgementError(f"{name} pitches have the shape {array.shape}; give (turns,) or (start_angles, turns)")
+    return array
+
+
+def _judge_row(row: _Row, question: _Question) -> Verdict:
+    measured = row.measured
+    uncertainty = measured.uncertainty
+    if uncertainty is None:
+        if question.uncertainty is None:
+            raise JudgementError("the measuring uncertainty is not known; give the standard uncertainty of one "
+                                 "measured pitch")
+        uncertainty = np.full(measured.pitch.size, question.uncertainty)
+    if not (np.isfinite(uncertainty) & (uncertainty > 0.0)).all():
+        raise JudgementError("an uncertainty of the measured pitches is not positive; give standard uncertainties in m")
+    offered = pairs(row.nominal, measured, uncertainty, row.places)
+    most = max(one.turns.size for one in offered)
+    if most > MOST_TURNS:
+        raise JudgementError(f"{most} turns are in both tables; give at most {MOST_TURNS} of them at once")
+    if most < FEWEST_TURNS:
+        return _too_few(max(offered, key=lambda one: one.turns.size), question)
+    if len(offered) == 1:
+        return _in_step(offered[0], row, uncertainty, question)
+    return _by_fluctuation(offered, question)
+
+
+def _in_step(pair: Pair, row: _Row, uncertainty: FloatArray, question: _Question) -> Verdict:
+    """Tables of one length without turn numbers may still be numbered differently."""
+    found = assess(pair, question.target, question.screw_turns)
+    cause = found.cause()
+    if row.measured.turn is None and row.measured.position is None and cause != NONE:
+        for shift in SHIFTS:
+            turns = np.arange(1.0, row.measured.pitch.size + 1.0) + shift
+            (other,) = pairs(row.nominal, replace(row.measured, turn=turns), uncertainty, None)
+            if other.turns.size < max(FEWEST_TURNS, pair.turns.size - abs(shift)):
+                continue
+            same = _restricted(pair, other, shift)
+            if _misfit(other) > _SHIFT_WORTH * _misfit(same):
+                continue
+            here = assess(same, question.target, question.screw_turns)
+            there = assess(other, question.target, question.screw_turns)
+            if min(there.costs.values()) < min(here.costs.values()) - OUT_OF_STEP:
+                note = (f"shifted by {shift} turns the tables agree far better; number the turns of both, as the "
+                        "nominal table does")
+                return _worded(UNDETERMINED, found, (note,))
+    return _worded(cause, found, ())
+
+
+def _restricted(pair: Pair, other: Pair, shift: int) -> Pair:
+    """Those measured turns of a pair that a shifted pair has too."""
+    kept = np.isin(pair.turns + shift, other.turns)
+    return Pair(pair.turns[kept], pair.nominal[kept], pair.measured[kept], pair.uncertainty[kept], pair.offset)
+
+
+def _misfit(pair: Pair) -> float:
+    """Sum of the squares of measured less nominal pitch over the uncertainty."""
+    return float(np.sum(((pair.measured - pair.nominal) / pair.uncertainty) ** 2))
+
+
+def _by_fluctuation(offered: list[Pair], question: _Question) -> Verdict:
+    """Laid over one another where the fluctuations fit best, if they leave no doubt or the cause is the same."""
+    if len(offered) > MOST_OFFSETS:
+        raise JudgementError(f"{offered[0].offset - offered[-1].offset:+.0f} turns between the lengths of the tables; "
+                             "give the measured turns' numbers or positions")
+    tried = [assess(one, question.target, question.screw_turns) for one in offered]
+    chance = 2.0 * math.log(len(offered))  # the best of many offsets fits better by chance
+    costs = [{cause: cost + (chance if cause in (CONTROL, BOTH) else 0.0) for cause, cost in one.costs.items()}
+             for one in tried]
+    least = [min(one.values()) for one in costs]
+    best = least.index(min(least))
+    near = [i for i, cost in enumerate(least) if cost < least[best] + NEAR_OFFSETS]
+    causes = {tried[i].cause_at(costs[i]) for i in near}
+    if len(causes) > 1:
+        raise JudgementError(f"the {offered[0].measured.size} measured turns fit the nominal ones in {len(near)} "
+                             f"places, with different verdicts ({', '.join(sorted(causes))}); give their turn numbers "
+                             "or positions")
+    first = offered[best].offset + 1.0
+    note = f"turn 1 of the measured table is turn {first:g} of the nominal one, by their fluctuations"
+    if len(near) > 1:
+        note = f"which turn is which is not known: {len(near)} places fit, with the same verdict"
+    return _worded(causes.pop(), tried[best], (note,))
+
+
+def _too_few(pair: Pair, question: _Question) -> Verdict:
+    if pair.turns.size == 0:
+        raise JudgementError("no turn is in both tables; number the measured turns as the nominal table does")
+    found = evidence(assess(pair, question.target, question.screw_turns), UNDETERMINED)
+    text = f"Undetermined: {pair.turns.size} turns are in both tables, and fewer than {FEWEST_TURNS} tell nothing."
+    return Verdict(UNDETERMINED, text, ("Measure more turns.",), found)
+
+
+def _worded(cause: str, found: Assessment, notes: tuple[str, ...]) -> Verdict:
+    told = evidence(found, cause)
+    return Verdict(cause, sentence(cause, told), advice(cause, told), told, notes)
+
+
+def _together(verdicts: list[Verdict]) -> Verdict:
+    """One verdict on all start angles: a cause that one of them shows is there."""
+    causes = {one.cause for one in verdicts}
+    if BOTH in causes or {CONTROL, MECHANICAL} <= causes:
+        cause = BOTH
+    else:
+        cause = next(one for one in (CONTROL, MECHANICAL, UNDETERMINED, NONE) if one in causes)
+    chief = max((one for one in verdicts if one.cause == cause), default=verdicts[0],
+                key=lambda one: one.evidence.fluctuation)
+    if cause not in causes:
+        text = "Some start angles show the control, others mechanics: both."
+        return replace(chief, cause=cause, sentence=text, rows=tuple(verdicts),
+                       advice=tuple(dict.fromkeys(line for one in verdicts for line in one.advice)))
+    return replace(chief, rows=tuple(verdicts))

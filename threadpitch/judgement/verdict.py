@@ -1,0 +1,125 @@
+"""The verdict on a thread: its cause, the numbers it rests on, and what to do."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from threadpitch.units import from_si
+
+
+class JudgementError(ValueError):
+    """Pitches that cannot be judged: what is wrong with them, where, and how to mend it."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One shape of what the control does not explain.
+
+    ``kind``: progressive (every pitch off by the same), drift (changing along the thread), periodic, once per screw
+    turn, event (one turn), displaced turn (one groove displaced: long, then short), section, start, end.
+    """
+
+    kind: str
+    size: float  # m, amplitude of a periodic part, else the largest deviation with its sign
+    first_turn: float
+    last_turn: float
+    period: float | None = None  # turns
+    decay: float | None = None  # turns in which it falls to 1/e
+
+    def __str__(self) -> str:
+        size = f"{from_si(self.size, 'um'):.3g} um"
+        if self.period is not None:
+            return f"{self.kind}, amplitude {size}, period {self.period:.3g} turns"
+        if self.decay is not None:
+            return f"{self.kind} effect of {size}, gone after {3.0 * self.decay:.2g} turns"
+        if self.kind == "progressive":
+            return f"progressive, {size} per turn"
+        if self.first_turn == self.last_turn:
+            return f"{self.kind} of {size} at turn {self.first_turn:g}"
+        return f"{self.kind} of {size}, turns {self.first_turn:g} to {self.last_turn:g}"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The numbers behind a verdict; lengths in m, intervals of 95 %."""
+
+    turns: int  # that both tables have
+    offset: float  # turn of the nominal table less that of the measured one, as they were given
+    fluctuation: float  # root mean square of the measured pitch less target
+    largest: float  # largest measured deviation from the target, with its sign
+    uncertainty: float  # standard, of one measured pitch
+    gain: float | None  # g of P_measured - P_ref = g (P_nominal - P_ref) + ...; None = the nominal does not fluctuate
+    gain_interval: tuple[float, float] | None
+    correlation: float | None  # of the fluctuations about their means
+    correlation_interval: tuple[float, float] | None
+    permutation_p: float | None  # chance of such a correlation among series of the same spectrum
+    sign_agreement: float | None  # share of turns on the same side of the target in both tables
+    control_share: float  # square of the control's part over the squares of both parts, the noise taken off
+    nominal_jitter: float  # m, standard deviation of nominal pitches that is not in the thread
+    rest: tuple[Part, ...]  # what the control does not explain
+    irregular: float  # root mean square of the rest beside its parts, where it exceeds the uncertainty; 0 = noise
+    within_turn: float | None  # m, largest error within the turn that repeats; None = not observable
+    costs: dict[str, float] = field(default_factory=dict)  # minus twice the logarithm of each cause's likelihood
+
+    @property
+    def rest_share(self) -> float:
+        """What the control's share leaves."""
+        return 1.0 - self.control_share
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Where the fluctuation comes from: control, mechanical, both, none or undetermined."""
+
+    cause: str
+    sentence: str
+    advice: tuple[str, ...]
+    evidence: Evidence
+    notes: tuple[str, ...] = ()  # what was done to the tables
+    rows: tuple[Verdict, ...] = ()  # one per start angle, where there are several
+
+
+def verdict_document(verdict: Verdict) -> dict[str, object]:
+    """The verdict as a JSON document, lengths in um; null where something cannot be told."""
+    found = verdict.evidence
+    return {
+        "cause": verdict.cause,
+        "sentence": verdict.sentence,
+        "advice": list(verdict.advice),
+        "notes": list(verdict.notes),
+        "evidence": {
+            "turns": found.turns,
+            "offset_turns": found.offset,
+            "fluctuation_um": _um(found.fluctuation),
+            "largest_um": _um(found.largest),
+            "uncertainty_um": _um(found.uncertainty),
+            "gain": found.gain,
+            "gain_interval": _pair(found.gain_interval),
+            "correlation": found.correlation,
+            "correlation_interval": _pair(found.correlation_interval),
+            "permutation_p": found.permutation_p,
+            "sign_agreement": found.sign_agreement,
+            "control_share": found.control_share,
+            "rest_share": found.rest_share,
+            "nominal_jitter_um": _um(found.nominal_jitter),
+            "rest": [_part(part) for part in found.rest],
+            "irregular_um": _um(found.irregular),
+            "within_turn_um": None if found.within_turn is None else _um(found.within_turn),
+            "costs": {cause: round(cost, 3) for cause, cost in found.costs.items()},
+        },
+        "rows": [verdict_document(row) for row in verdict.rows],
+    }
+
+
+def _part(part: Part) -> dict[str, object]:
+    return {"kind": part.kind, "size_um": _um(part.size), "first_turn": part.first_turn, "last_turn": part.last_turn,
+            "period_turns": part.period, "decay_turns": part.decay}
+
+
+def _pair(interval: tuple[float, float] | None) -> list[float] | None:
+    return None if interval is None else list(interval)
+
+
+def _um(length: float) -> float | None:
+    return None if math.isnan(length) else round(from_si(length, "um"), 6)

@@ -1,0 +1,81 @@
+"""The verdict in plain words, and what to adjust or check."""
+
+from __future__ import annotations
+
+from threadpitch.judgement import shapes
+from threadpitch.judgement.hypotheses import BOTH, CONTROL, MECHANICAL, NONE
+from threadpitch.judgement.verdict import Evidence
+from threadpitch.units import from_si
+
+_SHOWN = 3  # parts of the rest that the sentence names
+_CONTROL_ADVICE = ("Adjust the control: look where the nominal pitches deviate (spindle speed, following error, "
+                   "torque limit, start) and raise the position gain or the feedforward, steady the spindle's speed or "
+                   "lengthen the approach.")
+_CHECKS = {
+    shapes.PROGRESSIVE: "Every pitch is off by the same: check the screw's lead compensation, its temperature, and the "
+                        "scale of the measurement.",
+    shapes.DRIFT: "The pitch changes along the thread: check thermal growth and the screw's lead error table.",
+    shapes.PERIODIC: "Something turns with this period: check screw, bearings, belt and gears for one that does.",
+    shapes.SCREW: "It repeats with the turns of the ball screw: check its run-out, bearing and lead compensation.",
+    shapes.EVENT: "One turn is off and the groove stays displaced: check for missed counts, slip of the workpiece or "
+                  "the nut, and backlash.",
+    shapes.DISPLACED: "One groove is displaced and the next is back: look there for a hard spot, foreign matter or a "
+                      "chip.",
+    shapes.SECTION: "A section of the thread is off: check the workpiece's support and wall, and the screw there.",
+    shapes.START: "The beginning is off behind the detectors: check backlash, the approach, and the tool's deflection "
+                  "as it enters.",
+    shapes.END: "The end is off behind the detectors: check the run-out, and the workpiece's free end.",
+}
+_IRREGULAR_ADVICE = "It has no shape: check for a loose nut, tool or clamping, and chatter."
+
+def sentence(cause: str, found: Evidence) -> str:
+    """What the numbers say."""
+    size = f"{_um(found.fluctuation)} um rms (largest {_um(found.largest)} um)"
+    if cause == NONE:
+        jitter = (" The nominal pitches fluctuate, but the thread does not: their detectors jitter."
+                  if found.nominal_jitter > 2.0 * found.uncertainty else "")
+        return (f"None: the measured fluctuation of {size} is what a measuring uncertainty of {_um(found.uncertainty)} "
+                f"um makes.{jitter}")
+    if cause == CONTROL:
+        return (f"Control: the fluctuation of {size} follows the nominal pitches{_gain(found)}, and what they leave is "
+                f"within the measuring uncertainty of {_um(found.uncertainty)} um.")
+    if cause == MECHANICAL:
+        return f"Mechanical: the fluctuation of {size} is not in the nominal pitches; it is {_rest(found)}."
+    if cause == BOTH:
+        return (f"Both: {100.0 * found.control_share:.0f} % of the fluctuation of {size} is the nominal pitches'"
+                f"{_gain(found)}; the rest is {_rest(found)}.")
+    near = sorted(found.costs, key=lambda one: found.costs[one])[:2]
+    return (f"Undetermined: a fluctuation of {size} at a measuring uncertainty of {_um(found.uncertainty)} um "
+            f"and {found.turns} turns does not tell {' from '.join(near)}.")
+
+def advice(cause: str, found: Evidence) -> tuple[str, ...]:
+    """What to adjust or check, the likeliest first."""
+    lines: list[str] = []
+    if cause in (CONTROL, BOTH):
+        lines.append(_CONTROL_ADVICE)
+    if cause in (MECHANICAL, BOTH):
+        lines += dict.fromkeys(_CHECKS[part.kind] for part in found.rest)
+        if found.irregular > 0.0:
+            lines.append(_IRREGULAR_ADVICE)
+    if cause == NONE and found.nominal_jitter > 2.0 * found.uncertainty:
+        lines.append("Check the encoders and their cables: the nominal pitches jitter, the thread does not.")
+    if cause not in (CONTROL, MECHANICAL, BOTH, NONE):
+        lines.append("Measure more turns, or with a smaller uncertainty.")
+    return tuple(lines)
+
+def _gain(found: Evidence) -> str:
+    if found.gain is None or found.gain_interval is None:
+        return ""
+    low, high = found.gain_interval
+    return f" (gain {found.gain:.2f}, {low:.2f} to {high:.2f})"
+
+def _rest(found: Evidence) -> str:
+    named = [str(part) for part in found.rest[:_SHOWN]]
+    if len(found.rest) > _SHOWN:
+        named.append(f"{len(found.rest) - _SHOWN} smaller parts")
+    if found.irregular > 0.0:
+        named.append(f"irregular, {_um(found.irregular)} um rms")
+    return "; ".join(named)
+
+def _um(length: float) -> str:
+    return f"{from_si(length, 'um'):.3g}"

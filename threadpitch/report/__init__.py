@@ -1,0 +1,1 @@
+"""What people look at: drawings and reports. The only place that plots."""
