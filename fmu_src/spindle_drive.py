@@ -40,7 +40,8 @@ class SpindleDrive:
 
     The plant is integrated by the classical Runge-Kutta method of order 4 in steps of at most internal_step.
     The detector sees theta_d = theta + e sin(theta + phi) (eccentricity) in N counts per turn; the one-turn pulse 1P
-    falls on the count line nearest to index_angle, and encoder_angle is counted from there.
+    falls on the count line nearest to index_angle, and encoder_angle is counted from there. missed_counts of them are
+    lost in every turn, half a turn from the one-turn pulse, which itself comes where it belongs.
     """
 
     speed_command: float = input_("rad/s", "Commanded spindle speed", display="rpm")
@@ -92,6 +93,8 @@ class SpindleDrive:
     eccentricity: float = parameter("rad", "Amplitude of the detector's error, once per turn", start=0.0, display="deg",
                                     min=0.0, max=0.5)
     eccentricity_phase: float = parameter("rad", "Phase of the detector's error", start=0.0, display="deg")
+    missed_counts: int = parameter("1", "Counts that an encoder or a Hall element loses per turn; negative: too many",
+                                   start=0, min=-100000, max=100000)
     index_angle: float = parameter("rad", "Detected angle at which the one-turn pulse fires", start=0.0, display="deg")
 
     load_torque_rate: float = state("N.m/s", "First time derivative of load_torque at the beginning of the step")
@@ -132,6 +135,7 @@ class SpindleDrive:
         self.first_count = line
         if self.detector == ABSOLUTE_ENCODER:
             self.first_count = self.index_line
+        self.first_count = self.first_count - self._lost(line)
         self.index_turn = 1.0 * floor((line - self.index_line) / self.counts_per_turn)
         self.index_count = 0
         self.index_latch = 0.0
@@ -230,16 +234,24 @@ class SpindleDrive:
         """floor(theta_d N / 2 pi): the newest count line that the detector has passed."""
         return 1.0 * floor(self._detected_angle() / TURN * self.counts_per_turn)
 
+    def _lost(self, line: float) -> float:
+        """Counts lost up to a count line: missed_counts half a turn behind every one-turn pulse."""
+        if self.missed_counts == 0 or self.detector == IDEAL or self.detector == ABSOLUTE_ENCODER:
+            return 0.0
+        return 1.0 * self.missed_counts * floor((line - self.index_line) / self.counts_per_turn + 0.5)
+
     def _detect(self) -> None:
         """Counter, one-turn pulse and latch from the detected angle."""
         line = self._count_line()
-        self.encoder_count = line - self.first_count
-        self.encoder_angle = (line - self.index_line) / self.counts_per_turn * TURN
+        counted = line - self._lost(line)
+        self.encoder_count = counted - self.first_count
+        self.encoder_angle = (counted - self.index_line) / self.counts_per_turn * TURN
         if self.detector == IDEAL:
             self.encoder_angle = self.angle - self.index_line / self.counts_per_turn * TURN
         turn = 1.0 * floor((line - self.index_line) / self.counts_per_turn)
         if turn > self.index_turn:
             passed = floor(turn - self.index_turn + 0.5)
             self.index_count = self.index_count + passed
-            self.index_latch = self.index_line + turn * self.counts_per_turn - self.first_count
+            index = self.index_line + turn * self.counts_per_turn
+            self.index_latch = index - self._lost(index) - self.first_count
             self.index_turn = turn

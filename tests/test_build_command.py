@@ -18,7 +18,7 @@ from threadpitch import cosim, lathe
 from threadpitch.cli import invoke
 from threadpitch.system_archive import FmuKind, build_system
 
-FMUS = {"FeedDrive.fmu", "PitchCalculator.fmu", "SpindleDrive.fmu", "ThreadingController.fmu"}
+FMUS = {"FeedDrive.fmu", "PitchCalculator.fmu", "SpindleDrive.fmu", "ThreadCutting.fmu", "ThreadingController.fmu"}
 SSP = "threading_lathe.ssp"
 
 

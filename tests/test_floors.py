@@ -15,7 +15,7 @@ FLOORS = (
     {"passes"},
     {"judgement", "tolerance", "store", "parameters", "replacement"},
     {"lathe"},
-    {"tables", "publish", "study", "system_archive", "approach", "program_parameters"},
+    {"tables", "publish", "study", "system_archive", "approach", "program_parameters", "faults"},
     {"report", "run_folder", "system_report"},
     {"serve"},
     {"cli"},

@@ -79,7 +79,7 @@ importers = pytest.mark.parametrize("importer", [
 IDEAL = {
     "spindle.detector": 0, "controller.detector": 0, "spindle.ripple_amplitude[1]": 0.0,
     "spindle.initial_speed": 500.0 * math.pi / 30.0, "z_drive.encoder_counts": 0.0, "z_drive.lead_slope": 0.0,
-    "z_drive.lead_amplitude": 0.0, "z_drive.backlash": 0.0,
+    "z_drive.lead_amplitude": 0.0, "z_drive.backlash": 0.0, "cutting.bending_stiffness": 1e15,
 }
 
 

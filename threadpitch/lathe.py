@@ -203,12 +203,13 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
                            if "completed_pitch[1]" in description.variables]
             controllers = [name for name, description in plan.descriptions.items()
                            if {"z_face", "start_number"} <= description.variables.keys()]
+            cutters = [name for name, description in plan.descriptions.items()
+                       if {"surface_radius", "groove_position"} <= description.variables.keys()]
             limits = [f"{component}.{name}" for component, name in ((CONTROLLER, "commanded_speed"),
                                                                     (Z_DRIVE, "speed_limit"))
                       if component in plan.descriptions and name in plan.descriptions[component].variables]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
-        if f"{CONTROLLER}.lead" in chosen:  # another lead is another target, where none is given
-            chosen = {f"{name}.pitch_target": chosen[f"{CONTROLLER}.lead"] for name in calculators} | chosen
+        chosen = _following(chosen, calculators, cutters) | chosen
         watch = _watch(calculators, controllers, limits)
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
@@ -247,6 +248,14 @@ def _watch(calculators: Sequence[str], controllers: Sequence[str], limits: Seque
         record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
     record += limits
     return cosim.Watch(tuple(record), tuple(on))
+
+
+def _following(chosen: Mapping[str, Given], calculators: Sequence[str], cutters: Sequence[str]) -> dict[str, Given]:
+    """Targets and workpiece of another thread of the controller, for where they are not given themselves."""
+    followers = (("lead", "pitch_target", calculators), ("x_surface", "surface_radius", cutters),
+                 ("z_face", "face", cutters), ("starts", "starts", cutters))
+    return {f"{name}.{variable}": chosen[f"{CONTROLLER}.{source}"] for source, variable, names in followers
+            for name in names if f"{CONTROLLER}.{source}" in chosen}
 
 
 def choose_flavor(flavor: str | None = None) -> str:

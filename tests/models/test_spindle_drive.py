@@ -149,3 +149,21 @@ def test_runaway_is_an_error_not_an_infinity() -> None:
     spindle = SpindleDrive(inertia=1e-6, viscous_friction=1e6, initial_speed=100.0, internal_step=5e-4)
     spindle.initialize()
     assert spindle.step(0.0, 1e-3) == 1
+
+
+@pytest.mark.parametrize("missed", [12, -3])
+def test_missed_counts_are_lost_between_the_one_turn_pulses(missed: int) -> None:
+    """4096 - missed counts from pulse to pulse; the pulse itself stays where it is on the shaft."""
+    spindle = SpindleDrive(missed_counts=missed, initial_speed=500 * RPM, initial_angle=2.0)
+    spindle.initialize()
+    spindle.speed_command = 500 * RPM
+    latches, pulses = [], 0
+    for n in range(1500):
+        assert spindle.step(n * 1e-3, 1e-3) == 0
+        if spindle.index_count > pulses:
+            pulses = spindle.index_count
+            latches.append(spindle.index_latch)
+            assert 0.0 <= spindle.angle - TURN * pulses < 500 * RPM * 1.01e-3
+            assert 0.0 <= spindle.encoder_count - spindle.index_latch < 4096 * 500 / 60 * 1.01e-3 + 1.0
+    assert pulses == 12
+    assert np.all(np.diff(latches) == 4096 - missed)

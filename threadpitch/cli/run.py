@@ -24,9 +24,10 @@ from threadpitch.cli.options import (
     radians,
 )
 from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping
-from threadpitch.cli.printing import fail, progress
+from threadpitch.cli.printing import fail, printing, progress
 from threadpitch.cli.program import run_program
 from threadpitch.cosim.values import Given
+from threadpitch.faults import fault_names, read_fault
 from threadpitch.parameters import read_assignments, read_parameters
 from threadpitch.replacement import read_replacements
 from threadpitch.run_folder import check_folder
@@ -44,6 +45,9 @@ def run(
     assignments: Assignments = None,
     parameters: ParameterFiles = None,
     replace: Replacements = None,
+    fault: Annotated[str | None, typer.Option(
+        metavar="NAME", help=f"A fault of the library on a lathe without others: {', '.join(fault_names())}. A "
+                             "program, files and --set win over it.")] = None,
     start_angle: StartAngles = None,
     stop_time: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="Stop time in s.", show_default="of the system")] = None,
@@ -73,23 +77,29 @@ def run(
 ) -> None:
     """Simulate a lathe that cuts a thread, and print the movement per revolution."""
     check_folder(output)
+    chosen = None if fault is None else read_fault(fault)
     values: dict[str, Given] = {}
     for file in parameters or []:
         values |= read_parameters(file)
     values |= read_assignments(assignments or [])
     angles = None if start_angle is None else radians(start_angle)
     replaced = {**read_replacements(replace or [])}
+    machine = {} if chosen is None else chosen.parameters
 
     def simulated(folder: Path, words: Mapping[str, Given], enough: float | None) -> lathe.Simulation:
         with keeping(folder, lathe.choose_flavor(flavor)), progress("simulating") as told:
             return lathe.simulate(
-                system, parameters={**words, **values}, start_angles=angles, step_size=step_size, flavor=flavor,
-                stop_time=enough if stop_time is None else stop_time, record=record, record_every=record_every,
-                record_on=record_on or (), results=results, checkpoint=checkpoint, checkpoint_every=checkpoint_every,
+                system, parameters={**machine, **words, **values}, start_angles=angles, step_size=step_size,
+                flavor=flavor, stop_time=enough if stop_time is None else stop_time, record=record,
+                record_every=record_every, record_on=record_on or (), results=results, checkpoint=checkpoint, checkpoint_every=checkpoint_every,
                 replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
 
     if program is None:
-        finish(simulated(output, {}, None), output, as_json)
+        simulation = simulated(output, {}, None if chosen is None else chosen.stop_time)
+        if chosen is not None and not as_json:
+            with printing():
+                print(f"Fault {chosen.name} ({chosen.cause}): {chosen.description}\nSignature: {chosen.signature}\n")
+        finish(simulation, output, as_json)
         return
     if results is not None or checkpoint is not None:
         fail("--results and --checkpoint hold one simulation; a program is several: leave them out")
