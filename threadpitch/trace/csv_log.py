@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from threadpitch import units
-from threadpitch.trace.recording import TURN, FloatArray, IntArray, Trace, TraceError
+from threadpitch.trace.recording import IntArray, Trace, TraceError
+from threadpitch.trace.soundness import TURN, FloatArray
 from threadpitch.trace.text_rows import Block, brief, rows_of
 
 _TIME_NAME = re.compile(r"(?:time|t|timestamp)[\s_]*[\[(]?(s|ms|us|µs|μs|min|)[\])]?", re.IGNORECASE)
