@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from threadpitch.lathe import Pass
-from threadpitch.pitch import GroupPitch, PitchTable, Statistics
+from threadpitch.pitch import GroupPitch, PitchTable, Statistics, StreamedPitch
 from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
 
@@ -37,7 +37,7 @@ class Layout:
     lines: box.Box = box.ASCII2
 
 
-def analysis_document(groups: Sequence[GroupPitch]) -> dict[str, object]:
+def analysis_document(groups: Sequence[GroupPitch | StreamedPitch]) -> dict[str, object]:
     """The groups of a log as a JSON document, mm and degrees; null where a crossing lies outside the log."""
     return {"groups": [{"group": group.label, **pitch_record(group.table)} for group in groups]}
 
@@ -66,7 +66,7 @@ def pitch_tables_text(table: PitchTable, layout: Layout | None = None) -> str:
     return _plain(pitch_renderable(table, layout), layout or Layout())
 
 
-def show_groups(console: Console, groups: Sequence[GroupPitch], *, decimals: int = 4) -> None:
+def show_groups(console: Console, groups: Sequence[GroupPitch | StreamedPitch], *, decimals: int = 4) -> None:
     """Prints the tables of every group; with drawn lines and bold heads on a terminal, plain in a pipe."""
     layout = _layout_of(console, decimals)
     for group in groups:

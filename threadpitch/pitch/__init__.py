@@ -9,18 +9,22 @@ the lead, and the pitch is lead / starts.
 
 from threadpitch.pitch.recorded import GroupPitch, pitch_table, pitch_tables, thread_pitch
 from threadpitch.pitch.stream import FARTHEST_ZERO, PitchStream
+from threadpitch.pitch.streamed import GroupStream, StreamedPitch, stream_pitches
 from threadpitch.pitch.table import BoolArray, PitchError, PitchTable, Statistics, statistics
 
 __all__ = [
     "FARTHEST_ZERO",
     "BoolArray",
     "GroupPitch",
+    "GroupStream",
     "PitchError",
     "PitchStream",
     "PitchTable",
     "Statistics",
+    "StreamedPitch",
     "pitch_table",
     "pitch_tables",
     "statistics",
+    "stream_pitches",
     "thread_pitch",
 ]

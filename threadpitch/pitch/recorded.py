@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from threadpitch.pitch.stream import PitchStream
 from threadpitch.pitch.table import PitchTable
-from threadpitch.trace import ColumnChoice, Trace, TraceError, read_groups, samples
+from threadpitch.trace import ColumnChoice, Signals, Trace, TraceError, read_groups, samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +60,13 @@ def pitch_table(trace: Trace, start_angles: ArrayLike | None = (0.0,)) -> PitchT
     return replace(stream.final_table(), notes=trace.notes)
 
 
-def pitch_tables(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,)) -> list[GroupPitch]:
+def pitch_tables(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
+                 signals: Signals | None = None) -> list[GroupPitch]:
     """The pitches of every group of a log.
 
     Raises:
         TraceError: the log cannot be read (``read_groups``).
         PitchError: a group has less than one whole turn.
     """
-    return [GroupPitch(trace.name, trace, pitch_table(trace, start_angles)) for trace in read_groups(path, choice)]
+    return [GroupPitch(trace.name, trace, pitch_table(trace, start_angles))
+            for trace in read_groups(path, choice, signals)]

@@ -35,16 +35,18 @@ class PitchStream:
         start_angles: theta_S (start_angles,) rad, from angle zero as given; None = at the first sample.
         limit: how far the angle may go back from its peak, rad.
         label: what to call the recording in a message.
+        source: its file, where the samples come with their lines.
 
     Raises (the class itself):
         PitchError: start angles that are no finite numbers within 100 turns.
     """
 
     def __init__(self, start_angles: ArrayLike | None = (0.0,), *, limit: float = REVERSAL_LIMIT,
-                 label: str = UNNAMED) -> None:
+                 label: str = UNNAMED, source: str = "") -> None:
         self._asked = None if start_angles is None else _start_angles(start_angles)
         self._limit = limit
         self._label = label
+        self._source = source
         self._size = 0  # samples so far
         self._before = 0  # whole turns between angle zero and the beginning of n = 1
         self._first = np.empty(2)  # angle, position of the first sample
@@ -83,8 +85,8 @@ class PitchStream:
             raise IndexError(f"turn {turn} of start angle {start} is not complete")
         return float(self._direction() * (self._crossings[start, turn] - self._crossings[start, turn - 1]) + 0.0)
 
-    def add(self, angle: ArrayLike, position: ArrayLike) -> None:
-        """The next samples: angle (samples,) rad, position (samples,) m.
+    def add(self, angle: ArrayLike, position: ArrayLike, lines: IntArray | None = None) -> None:
+        """The next samples: angle (samples,) rad, position (samples,) m, ``lines`` (samples,) of the file.
 
         Raises:
             TraceError: unequal shapes, NaN or infinite values, a reversal of the spindle; with the sample's number.
@@ -97,11 +99,11 @@ class PitchStream:
         if theta.size == 0:
             return
         if self._size == 0:
-            self._begin(theta, xi)
+            self._begin(theta, xi, lines)
         room = self._reserve(theta)
         refused = self._advance(theta, xi)
         if refused >= 0:
-            self._refuse(theta, xi, refused)
+            self._refuse(theta, xi, refused, lines)
         if not room:
             turned = (theta[-1] - self._first[0]) / TURN
             raise PitchError(f"{self._label}: {turned:.3g} turns in {self._size + theta.size} samples; "
@@ -138,9 +140,9 @@ class PitchStream:
         movements(crossings, self._direction(), pitch)
         return PitchTable(self._starts, pitch, crossings, self._extrapolated.copy(), self._before)
 
-    def _begin(self, theta: FloatArray, xi: FloatArray) -> None:
+    def _begin(self, theta: FloatArray, xi: FloatArray, lines: IntArray | None) -> None:
         if not (abs(theta[0]) <= LARGEST and abs(xi[0]) <= LARGEST):
-            self._refuse(theta, xi, 0)
+            self._refuse(theta, xi, 0, lines)
         self._first[:] = theta[0], xi[0]
         self._last[:] = theta[0], xi[0], theta[0]
         if self._asked is None:
@@ -212,12 +214,16 @@ class PitchStream:
     def _walk(self, theta: FloatArray, xi: FloatArray, last: FloatArray, reached: IntArray) -> int:
         return int(advance(theta, xi, last, self._limit, self._starts, self._before, reached, self._crossings))
 
-    def _refuse(self, theta: FloatArray, xi: FloatArray, sample: int) -> NoReturn:
+    def _refuse(self, theta: FloatArray, xi: FloatArray, sample: int, lines: IntArray | None) -> NoReturn:
         before = float(self._last[PEAK]) if self._size else -math.inf
         peak = float(theta[:sample].max(initial=before))
         place = f"sample {self._size + sample}"
-        if self._label != UNNAMED:
+        if lines is not None:
+            place = f"{self._source}:{lines[sample]}"
+        elif self._label != UNNAMED:
             place = f"{self._label}: {place}"
+        if self._size:  # the direction is that of the whole, not of a few samples
+            theta, xi, sample = np.insert(theta, 0, self._first[0]), np.insert(xi, 0, self._first[1]), sample + 1
         raise TraceError(f"{place}: {fault_text(theta, xi, sample, peak)}")
 
     def _direction(self) -> float:

@@ -78,19 +78,11 @@ class Trace:
     @property
     def reversal_limit(self) -> float:
         """How far the angle may go back from its peak, rad."""
-        return max(COUNT_JITTER * self.resolution, SPINDLE_SWAY) if self.resolution > 0.0 else REVERSAL_LIMIT
+        return reversal_limit(self.resolution)
 
     def _check_time(self) -> None:
-        if self.time is None:
-            return
-        sound = np.isfinite(self.time)
-        if not sound.all():
-            raise TraceError(f"{self.place(int(np.argmin(sound)))}: time is not finite; mend or leave out this sample")
-        back = self.time[1:] < self.time[:-1]
-        if back.any():
-            sample = int(np.argmax(back)) + 1
-            raise TraceError(f"{self.place(sample)}: time runs back from {self.time[sample - 1]:.9g} to "
-                             f"{self.time[sample]:.9g} s; sort the samples, or separate the recordings by a group")
+        if self.time is not None and (fault := time_fault(self.time)) is not None:
+            raise TraceError(f"{self.place(fault[0])}: {fault[1]}")
 
     def _check_angle_and_position(self) -> bool:
         """Whether the angle never goes back."""
@@ -99,6 +91,25 @@ class Trace:
             peak = float(self.angle[:sample].max(initial=-math.inf))
             raise TraceError(f"{self.place(sample)}: {fault_text(self.angle, self.position, sample, peak)}")
         return rising
+
+
+def time_fault(time: FloatArray, before: float = -math.inf) -> tuple[int, str] | None:
+    """The first sample whose time cannot be, and what is wrong with it; ``before`` is the time of the sample before."""
+    sound = np.isfinite(time)
+    if not sound.all():
+        return int(np.argmin(sound)), "time is not finite; mend or leave out this sample"
+    back = np.flatnonzero(time < np.concatenate(([before], time[:-1])))
+    if not back.size:
+        return None
+    sample = int(back[0])
+    earlier = time[sample - 1] if sample else before
+    return sample, (f"time runs back from {earlier:.9g} to {time[sample]:.9g} s; sort the samples, or separate the "
+                    "recordings by a group")
+
+
+def reversal_limit(resolution: float) -> float:
+    """How far the angle may go back from its peak, rad; ``resolution`` of one count, rad, 0 = not known."""
+    return max(COUNT_JITTER * resolution, SPINDLE_SWAY) if resolution > 0.0 else REVERSAL_LIMIT
 
 
 def samples(name: str, values: ArrayLike, label: str) -> FloatArray:

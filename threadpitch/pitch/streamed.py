@@ -1,0 +1,123 @@
+"""P(n) of logs that may be larger than memory: every piece is forgotten when the next one comes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+from numpy.typing import ArrayLike
+
+from threadpitch.pitch.stream import PitchStream
+from threadpitch.pitch.table import PitchTable
+from threadpitch.trace import (
+    TURN,
+    ColumnChoice,
+    Group,
+    Piece,
+    Signals,
+    TraceError,
+    read_pieces,
+    reversal_limit,
+    time_fault,
+)
+
+_Item = TypeVar("_Item")
+
+
+@dataclass(frozen=True, eq=False)
+class StreamedPitch:
+    """The pitches of one group of a log."""
+
+    label: str
+    table: PitchTable
+
+
+class GroupStream:
+    """A group of a log while its pieces come: what ``Trace`` checks of a whole group, and a ``PitchStream``."""
+
+    def __init__(self, group: Group, start_angles: ArrayLike | None) -> None:
+        self.group = group
+        self._label = f"{group.source}, group {group.label!r}"
+        self.pitches = PitchStream(start_angles, limit=reversal_limit(group.resolution), label=self._label,
+                                   source=group.source)
+        self._time = -math.inf  # of the last sample
+        self._ends = [math.nan, math.nan]  # first and last angle
+
+    def add(self, piece: Piece) -> None:
+        """The next samples.
+
+        Raises:
+            TraceError: with the line: time that runs back, NaN, a reversal of the spindle.
+            PitchError: more turns than the samples can hold.
+        """
+        if piece.time is not None and piece.time.size:
+            fault = time_fault(piece.time, self._time)
+            if fault is not None:
+                sample, text = fault
+                place = f"{self.group.source}:{piece.lines[sample]}" if piece.lines is not None else (
+                    f"{self._label}: sample {self.pitches.size + sample}")
+                raise TraceError(f"{place}: {text}")
+            self._time = float(piece.time[-1])
+        if piece.angle.size:
+            self._ends = [self._ends[0] if self.pitches.size else float(piece.angle[0]), float(piece.angle[-1])]
+        self.pitches.add(piece.angle, piece.position, piece.lines)
+
+    def result(self) -> StreamedPitch:
+        """The pitches of the whole group.
+
+        Raises:
+            TraceError: fewer than two samples, more turns than samples.
+            PitchError: less than one whole turn.
+        """
+        size = self.pitches.size
+        if size < 2:
+            raise TraceError(f"{self._label}: {size} samples; a pitch needs two and a whole turn between them")
+        turns = (self._ends[1] - self._ends[0]) / TURN
+        if turns > size:
+            raise TraceError(f"{self._label}: {turns:.0f} turns in {size} samples; is the unit of the angle really "
+                             f"{self.group.chosen.angle_unit}?")
+        return StreamedPitch(self.group.label, replace(self.pitches.final_table(), notes=self.group.all_notes()))
+
+
+def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
+                   signals: Signals | None = None, told: Callable[[int], None] | None = None) -> list[StreamedPitch]:
+    """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece.
+
+    Raises:
+        TraceError: the log cannot be read (``read_groups``), or a latency is asked for, which needs the whole.
+        PitchError: a group has less than one whole turn.
+    """
+    if signals is not None and signals.latency != 0.0:
+        raise TraceError("a latency needs the whole log in memory; use pitch_tables")
+    found: list[StreamedPitch] = []
+    now: GroupStream | None = None
+    for group, piece in _read_ahead(read_pieces(path, choice, signals)):
+        if now is None or now.group is not group:
+            if now is not None:
+                found.append(now.result())
+            now = GroupStream(group, start_angles)
+        now.add(piece)
+        if told is not None:
+            told(piece.angle.size)
+    if now is not None:
+        found.append(now.result())
+    return found
+
+
+def _read_ahead(items: Iterable[_Item]) -> Iterator[_Item]:
+    """The items, the next of which is read by a second thread meanwhile."""
+    source = iter(items)
+    done: list[_Item] = []  # an object that is no item
+
+    def following() -> _Item | list[_Item]:
+        return next(source, done)
+
+    with ThreadPoolExecutor(max_workers=1) as reader:
+        coming = reader.submit(following)
+        while (item := coming.result()) is not done:
+            coming = reader.submit(following)
+            yield item  # type: ignore[misc] # is not done
