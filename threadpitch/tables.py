@@ -39,7 +39,17 @@ class Layout:
 
 def analysis_document(groups: Sequence[GroupPitch | StreamedPitch]) -> dict[str, object]:
     """The groups of a log as a JSON document, mm and degrees; null where a crossing lies outside the log."""
-    return {"groups": [{"group": group.label, **pitch_record(group.table)} for group in groups]}
+    return {"groups": [{"group": group.label, **pitch_record(group.table), **_stored_record(group)}
+                       for group in groups]}
+
+
+def _stored_record(group: GroupPitch | StreamedPitch) -> dict[str, object]:
+    points = group.stored if isinstance(group, StreamedPitch) else None
+    if points is None:
+        return {}
+    return {"stored": {"interval_deg": round(from_si(points.interval, "deg"), 9),
+                       "angle_deg": [round(from_si(angle, "deg"), 9) for angle in points.angle.tolist()],
+                       "position_mm": _millimetres(points.position)}}
 
 
 def pitch_record(table: PitchTable) -> dict[str, object]:
@@ -51,6 +61,7 @@ def pitch_record(table: PitchTable) -> dict[str, object]:
         "max_mm": _millimetres(table.maximum),
         "mean_mm": _millimetres(table.mean),
         "extrapolated": [bool(flag) for flag in table.extrapolated],
+        **({} if table.uncertainty is None else {"uncertainty_mm": [_millimetres(row) for row in table.uncertainty]}),
         "turns_before": table.turns_before,
         "notes": list(table.notes),
     }
@@ -91,6 +102,8 @@ def pitch_renderable(table: PitchTable, layout: Layout | None = None) -> Rendera
     parts: list[RenderableType] = [Text("Movement amount P(n) for each rotation [mm]"),
                                    *_movement_tables(table, layout),
                                    _statistics_table(table, table.statistics, layout)]
+    if table.uncertainty is not None:
+        parts.append(Text(_uncertainty(table.uncertainty)))
     if table.extrapolated.any():
         parts.append(Text(_EXTRAPOLATED))
     parts.extend(Text(printable(note)) for note in table.notes)
@@ -100,6 +113,11 @@ def pitch_renderable(table: PitchTable, layout: Layout | None = None) -> Rendera
 def printable(text: str) -> str:
     """Text from a file without control characters, which a terminal would obey."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def _uncertainty(values: FloatArray) -> str:
+    least, middle, most = (1e6 * float(value) for value in (np.nanmin(values), np.nanmedian(values), np.nanmax(values)))
+    return f"Standard uncertainty of P(n): {middle:.3g} um ({least:.3g} to {most:.3g})"
 
 
 def _movement_tables(table: PitchTable, layout: Layout) -> Iterator[Table]:

@@ -7,7 +7,9 @@ xi(theta) is the feed position at the spindle angle theta, theta_S a start angle
 the lead, and the pitch is lead / starts.
 """
 
+from threadpitch.pitch.edges import edge_pitch_table
 from threadpitch.pitch.recorded import GroupPitch, pitch_table, pitch_tables, thread_pitch
+from threadpitch.pitch.stored import Stored
 from threadpitch.pitch.stream import FARTHEST_ZERO, PitchStream
 from threadpitch.pitch.streamed import GroupStream, StreamedPitch, stream_pitches
 from threadpitch.pitch.table import BoolArray, PitchError, PitchTable, Statistics, statistics
@@ -21,7 +23,9 @@ __all__ = [
     "PitchStream",
     "PitchTable",
     "Statistics",
+    "Stored",
     "StreamedPitch",
+    "edge_pitch_table",
     "pitch_table",
     "pitch_tables",
     "statistics",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -60,13 +61,16 @@ def pitch_table(trace: Trace, start_angles: ArrayLike | None = (0.0,)) -> PitchT
     return replace(stream.final_table(), notes=trace.notes)
 
 
+TableOf = Callable[[Trace, ArrayLike | None], PitchTable]
+
+
 def pitch_tables(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
-                 signals: Signals | None = None) -> list[GroupPitch]:
-    """The pitches of every group of a log.
+                 signals: Signals | None = None, table: TableOf = pitch_table) -> list[GroupPitch]:
+    """The pitches of every group of a log; ``table`` makes them of a trace: ``pitch_table`` or ``edge_pitch_table``.
 
     Raises:
         TraceError: the log cannot be read (``read_groups``).
         PitchError: a group has less than one whole turn.
     """
-    return [GroupPitch(trace.name, trace, pitch_table(trace, start_angles))
+    return [GroupPitch(trace.name, trace, table(trace, start_angles))
             for trace in read_groups(path, choice, signals)]

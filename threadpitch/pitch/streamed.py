@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from numpy.typing import ArrayLike
 
+from threadpitch.pitch.stored import Stored, grid, stored
 from threadpitch.pitch.stream import PitchStream
 from threadpitch.pitch.table import PitchTable
 from threadpitch.trace import (
@@ -34,16 +35,21 @@ class StreamedPitch:
 
     label: str
     table: PitchTable
+    stored: Stored | None = None
 
 
 class GroupStream:
     """A group of a log while its pieces come: what ``Trace`` checks of a whole group, and a ``PitchStream``."""
 
-    def __init__(self, group: Group, start_angles: ArrayLike | None) -> None:
+    def __init__(self, group: Group, start_angles: ArrayLike | None, interval: float | None = None) -> None:
         self.group = group
+        self._asked, self._interval = start_angles, interval
+        self._factor = 1.0
+        if interval is not None:
+            start_angles, self._factor = grid(interval)
         self._label = f"{group.source}, group {group.label!r}"
-        self.pitches = PitchStream(start_angles, limit=reversal_limit(group.resolution), label=self._label,
-                                   source=group.source)
+        limit = self._factor * reversal_limit(group.resolution)
+        self.pitches = PitchStream(start_angles, limit=limit, label=self._label, source=group.source)
         self._time = -math.inf  # of the last sample
         self._ends = [math.nan, math.nan]  # first and last angle
 
@@ -64,7 +70,8 @@ class GroupStream:
             self._time = float(piece.time[-1])
         if piece.angle.size:
             self._ends = [self._ends[0] if self.pitches.size else float(piece.angle[0]), float(piece.angle[-1])]
-        self.pitches.add(piece.angle, piece.position, piece.lines)
+        angle = piece.angle if self._factor == 1.0 else piece.angle * self._factor
+        self.pitches.add(angle, piece.position, piece.lines)
 
     def result(self) -> StreamedPitch:
         """The pitches of the whole group.
@@ -80,12 +87,22 @@ class GroupStream:
         if turns > size:
             raise TraceError(f"{self._label}: {turns:.0f} turns in {size} samples; is the unit of the angle really "
                              f"{self.group.chosen.angle_unit}?")
-        return StreamedPitch(self.group.label, replace(self.pitches.final_table(), notes=self.group.all_notes()))
+        table = self.pitches.final_table()
+        points = None
+        if self._interval is not None:
+            points = stored(table, self._interval)
+            beginning = ("the first stored positions are extrapolated",) if table.extrapolated.any() else ()
+            table = points.pitch_table((0.0,) if self._asked is None else self._asked)
+            table = replace(table, notes=(*table.notes, *beginning))
+        return StreamedPitch(self.group.label, replace(table, notes=(*self.group.all_notes(), *table.notes)), points)
 
 
 def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
-                   signals: Signals | None = None, told: Callable[[int], None] | None = None) -> list[StreamedPitch]:
+                   signals: Signals | None = None, *, interval: float | None = None,
+                   told: Callable[[int], None] | None = None) -> list[StreamedPitch]:
     """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece.
+
+    With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``).
 
     Raises:
         TraceError: the log cannot be read (``read_groups``), or a latency is asked for, which needs the whole.
@@ -99,7 +116,7 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
         if now is None or now.group is not group:
             if now is not None:
                 found.append(now.result())
-            now = GroupStream(group, start_angles)
+            now = GroupStream(group, start_angles, interval)
         now.add(piece)
         if told is not None:
             told(piece.angle.size)

@@ -39,6 +39,7 @@ class PitchTable:
     extrapolated: BoolArray  # (start_angles,) the first crossing lies before the first sample
     turns_before: int = 0  # whole turns between angle zero and the beginning of n = 1
     notes: tuple[str, ...] = ()  # what was done to the recording
+    uncertainty: FloatArray | None = None  # (start_angles, revolutions) m, standard uncertainty of P(n), where known
 
     @classmethod
     def of_pitches(cls, pitch: ArrayLike, start_angles: ArrayLike) -> PitchTable:

@@ -61,7 +61,7 @@ class ColumnChoice:
             raise TraceError(f"counts per turn is {self.counts_per_turn}; give a positive number")
         if self.angle_unit is not None:
             angle_factor(self.angle_unit, self.counts_per_turn)
-        if self.position_unit is not None:
+        if self.position_unit is not None and self.position_unit not in _ANGLES:  # those are of a motor, with a lead
             position_factor(self.position_unit)
 
 
@@ -143,7 +143,7 @@ def choose(place: str, header: Sequence[str], choice: ColumnChoice, stated: Sequ
     if angle_unit == "count" and choice.counts_per_turn is None:
         raise TraceError(f"{place}: the angle in column {brief(names[angle])} is counts; give the counts per turn "
                          "(lines of the encoder times 4)")
-    position_unit = choice.position_unit or (told[position] if told[position] in _LENGTHS else "mm")
+    position_unit = choice.position_unit or (told[position] if told[position] in _LENGTHS | _ANGLES else "mm")
     time = next((i for i, name in enumerate(names) if _TIME_NAME.fullmatch(name)), None)
     time_is_guessed = choice.time is None
     if choice.time is not None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from threadpitch.compiled import compiled
 from threadpitch.trace.choice import Chosen, angle_factor, position_factor
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import TURN, FloatArray
@@ -87,18 +88,20 @@ class Continuous:
 
     def add(self, values: FloatArray) -> FloatArray:
         """The next values (samples,), continuous with those before."""
-        if self.period == NEVER or values.size == 0 or not np.isfinite(values).all():
+        if self.period == NEVER or values.size == 0:
+            return values
+        first = float(values[0]) if self._last is None else self._last
+        jump, lowest, highest = _until_a_jump(values, first, _LEAST_JUMP * (self.period or self.turn))
+        if not math.isfinite(lowest) or not math.isfinite(highest):
             return values  # the trace refuses what is not finite
-        first = values[0] if self._last is None else self._last
         self._last = float(values[-1])
-        steps = np.diff(values, prepend=first)
         if self.period is None:
-            self._find(values, steps)
-        if self.period is None or self.period == NEVER:
+            self._lowest, self._highest = min(self._lowest, lowest), max(self._highest, highest)
+            if jump < values.size:
+                self._find(abs(float(values[jump] - (values[jump - 1] if jump else first))))
+        if self.period is None or self.period == NEVER or (jump == values.size and self._offset == 0.0):
             return values
-        periods = -np.rint(steps / self.period)
-        if not periods.any() and self._offset == 0.0:
-            return values
+        periods = -np.rint(np.diff(values, prepend=first) / self.period)
         self.wraps += int(np.count_nonzero(periods))
         offsets = self._offset + np.cumsum(periods)
         self._offset = float(offsets[-1])
@@ -110,15 +113,8 @@ class Continuous:
             return ""
         return f"the {self.name} wraps at {self.period:g}: made continuous over {self.wraps} wraps"
 
-    def _find(self, values: FloatArray, steps: FloatArray) -> None:
-        """A period is that of a wrapped signal when all values before the first jump lie in it."""
-        jumps = np.flatnonzero(np.abs(steps) > _LEAST_JUMP * self.turn)
-        end = int(jumps[0]) + 1 if jumps.size else values.size
-        self._lowest = min(self._lowest, float(values[:end].min()))
-        self._highest = max(self._highest, float(values[:end].max()))
-        if not jumps.size:
-            return
-        jump = abs(float(steps[jumps[0]]))
+    def _find(self, jump: float) -> None:
+        """A period is that of a wrapped signal when all values up to the first jump lie in it."""
         for period in (self.turn, *(_COUNTERS if self.counts else ())):
             centred = -0.5 * period <= self._lowest and self._highest <= 0.5 * period
             above_zero = self._lowest >= 0.0 and self._highest <= period
@@ -126,6 +122,17 @@ class Continuous:
                 self.period = period
                 return
         self.period = NEVER
+
+
+@compiled(nogil=True)
+def _until_a_jump(values: FloatArray, before: float, least: float) -> tuple[int, float, float]:
+    """(first sample that is farther than ``least`` from the one before, lowest and highest up to there)."""
+    lowest, highest = values[0], values[0]
+    for i in range(values.size):
+        if not abs(values[i] - before) <= least:
+            return i, min(lowest, values[i]), max(highest, values[i])
+        lowest, highest, before = min(lowest, values[i]), max(highest, values[i]), values[i]
+    return values.size, lowest, highest
 
 
 @dataclass
