@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from threadpitch.lathe import Pass
-from threadpitch.pitch import GroupPitch, PitchTable, Statistics, StreamedPitch
+from threadpitch.pitch import BoolArray, GroupPitch, PitchTable, Statistics, StreamedPitch
 from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
 
@@ -142,10 +142,20 @@ def _pass_renderable(one: Pass, layout: Layout) -> RenderableType:
     head = Text(f"Pass {one.number}, start {one.start_number}", style="bold")
     parts: list[RenderableType] = [head, pitch_renderable(one.table, layout)]
     if one.effective is not None and one.in_metal.any():
-        turns = np.flatnonzero(one.in_metal.any(axis=0))
-        parts += [Text(f"Effective thread: turns in the metal, n = {turns[0] + 1} to {turns[-1] + 1}"),
+        parts += [Text(f"Effective thread: turns in the metal, {_in_metal(one.table, one.in_metal)}"),
                   _statistics_table(one.table, one.effective, layout)]
     return Group(*parts)
+
+
+def _in_metal(table: PitchTable, in_metal: BoolArray) -> str:
+    """The turns, of every start angle by itself where they differ."""
+    ranges = []
+    for row in in_metal:
+        turns = np.flatnonzero(row) + 1
+        ranges.append(f"n = {turns[0]} to {turns[-1]}" if turns.size else "none")
+    if len(set(ranges)) == 1:
+        return ranges[0]
+    return "; ".join(f"{angle:.6g} deg: {turns}" for angle, turns in zip(start_angles_deg(table), ranges, strict=True))
 
 
 def _layout_of(console: Console, decimals: int) -> Layout:

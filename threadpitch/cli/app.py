@@ -18,6 +18,7 @@ from threadpitch.cli.build import build
 from threadpitch.cli.options import SEVERAL
 from threadpitch.cli.printing import complain, printing
 from threadpitch.cli.run import INTERRUPTED, run
+from threadpitch.cli.watch import watch
 from threadpitch.fmu import BuildError, ModelError
 from threadpitch.parameters import ParameterFileError
 from threadpitch.pitch import PitchError
@@ -31,7 +32,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_
                   context_settings={"help_option_names": ["-h", "--help"]},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
-for _command in (run, analyze, build):
+for _command in (run, analyze, watch, build):
     app.command()(_command)
 
 

@@ -2,7 +2,7 @@
 
 from threadpitch.trace.choice import ColumnChoice
 from threadpitch.trace.groups import Group, Piece
-from threadpitch.trace.log import read_groups, read_pieces
+from threadpitch.trace.log import read_groups, read_pieces, watch_pieces
 from threadpitch.trace.recording import REVERSAL_LIMIT, IntArray, Trace, TraceError, reversal_limit, samples, time_fault
 from threadpitch.trace.signals import Signals
 from threadpitch.trace.soundness import LARGEST, TURN, FloatArray
@@ -24,4 +24,5 @@ __all__ = [
     "reversal_limit",
     "samples",
     "time_fault",
+    "watch_pieces",
 ]

@@ -11,7 +11,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import groupby
-from pathlib import Path
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from threadpitch.trace.choice import ColumnChoice, brief, choose
 from threadpitch.trace.groups import Labels, Piece
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import FloatArray
-from threadpitch.trace.text_rows import Block, rows_of
+from threadpitch.trace.text_rows import Block
 
 
 class TextLog:
@@ -30,9 +29,9 @@ class TextLog:
             NaN in a number, rows of unequal length, no threading row.
     """
 
-    def __init__(self, path: Path, choice: ColumnChoice) -> None:
-        self.source = str(path)
-        self._blocks = rows_of(path)
+    def __init__(self, source: str, blocks: Iterator[Block], choice: ColumnChoice) -> None:
+        self.source = source
+        self._blocks = blocks
         self._first = next(self._blocks, None)
         if self._first is None:
             raise TraceError(f"{self.source}: there are no rows below the header")

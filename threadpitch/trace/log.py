@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
@@ -10,9 +11,10 @@ from threadpitch.trace.array_files import array_format, array_log
 from threadpitch.trace.choice import Chosen, ColumnChoice
 from threadpitch.trace.csv_log import TextLog
 from threadpitch.trace.groups import Group, Piece, grouped, traces
+from threadpitch.trace.live import live_lines
 from threadpitch.trace.recording import Trace
 from threadpitch.trace.signals import Signals
-from threadpitch.trace.text_rows import STANDARD_INPUT
+from threadpitch.trace.text_rows import STANDARD_INPUT, rows_of, rows_of_lines
 
 
 class Log(Protocol):
@@ -32,7 +34,7 @@ def open_log(path: Path, choice: ColumnChoice) -> Log:
         TraceError: whatever keeps the file from being read, a column that is not there or cannot be told.
     """
     name = "" if str(path) == STANDARD_INPUT else array_format(path)
-    return array_log(path, name, choice) if name else TextLog(path, choice)
+    return array_log(path, name, choice) if name else TextLog(str(path), rows_of(path), choice)
 
 
 def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) \
@@ -43,6 +45,19 @@ def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None 
         TraceError: as ``read_groups``, but for what needs a whole group: the turning of the spindle.
     """
     log = open_log(Path(path), choice)
+    yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
+
+
+def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = None, *, idle: float = math.inf) \
+        -> Iterator[tuple[Group, Piece]]:
+    """``read_pieces`` of a text log that still grows, every line as soon as it is there; ``-`` is standard input.
+
+    It ends with standard input, and with a file when that has not grown for ``idle`` seconds.
+
+    Raises:
+        TraceError: as ``read_pieces``; the file became shorter.
+    """
+    log = TextLog(str(path), rows_of_lines(live_lines(path, idle), str(path)), choice)
     yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
 
 

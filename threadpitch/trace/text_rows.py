@@ -7,7 +7,7 @@ import difflib
 import gzip
 import sys
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -44,27 +44,35 @@ class Block:
 def rows_of(path: Path) -> Iterator[Block]:
     """The rows of a text file in blocks; blank rows and comments (#, %, //) are left out.
 
-    What stands above the rows, the separator and the decimal sign are found in the first block (``text_head``).
-
     Raises:
         TraceError: the file is missing, a directory, empty, binary, cut off, or its rows differ in length.
     """
-    source = str(path)
+    with _opened(path) as stream:
+        yield from rows_of_lines(_line_blocks(stream, str(path)), str(path))
+
+
+def rows_of_lines(blocks: Iterable[list[str]], source: str) -> Iterator[Block]:
+    """The rows out of blocks of whole lines.
+
+    What stands above the rows, the separator and the decimal sign are found in the first block (``text_head``).
+
+    Raises:
+        TraceError: there is no row, or the rows differ in length.
+    """
     head: Head | None = None
     line = 0  # lines above the block
-    with _opened(path) as stream:
-        for text in _line_blocks(stream, source):
-            if head is None:
-                if not any(row.strip() for row in text):
-                    line += len(text)
-                    continue
-                head = find_head(text, source, line)
-                line, text = line + head.lines, text[head.lines :]
-            block = _split(text, head, Block(source, head.names, head.line, [], [], head.units, head.notes,
-                                             head.numbered), line)
-            line += len(text)
-            if block.rows:
-                yield block
+    for text in blocks:
+        if head is None:
+            if not any(row.strip() for row in text):
+                line += len(text)
+                continue
+            head = find_head(text, source, line)
+            line, text = line + head.lines, text[head.lines :]
+        empty = Block(source, head.names, head.line, [], [], head.units, head.notes, head.numbered)
+        block = _split(text, head, empty, line)
+        line += len(text)
+        if block.rows:
+            yield block
     if head is None:
         raise TraceError(f"{source}: the file is empty; give a log with a header and rows")
 
