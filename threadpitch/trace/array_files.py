@@ -135,7 +135,7 @@ def _mat(path: Path, choice: ColumnChoice) -> ArrayLog:
 def _tdms(path: Path, choice: ColumnChoice) -> ArrayLog:
     """Channels by their name, or group/name where a name is there twice; the time may be that of the waveform."""
     nptdms = _library("nptdms", path, "tdms")
-    logging.getLogger("nptdms").setLevel(logging.ERROR)  # what it warns of becomes an error here, in one line
+    nptdms.log.log_manager.set_level(logging.ERROR)  # what it warns of becomes an error here, in one line
     with nptdms.TdmsFile.read_metadata(path) as file:
         channels = [(group.name, channel.name, channel.properties) for group in file.groups() for channel in
                     group.channels()]
