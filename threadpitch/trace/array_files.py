@@ -85,9 +85,10 @@ def _parquet(path: Path, choice: ColumnChoice) -> ArrayLog:
     def chunks(wanted: Sequence[int]) -> Iterator[list[Array]]:
         names = [columns[i][0] for i in wanted]
         for part in parts:
-            with parquet.ParquetFile(part, memory_map=True) as file:
-                for batch in file.iter_batches(batch_size=CHUNK, columns=names):
-                    yield [batch.column(name).to_numpy(zero_copy_only=False) for name in names]
+            with parquet.ParquetFile(part) as file:
+                for group in range(file.num_row_groups):  # one by one: memory is given back only at their ends
+                    for batch in file.iter_batches(batch_size=CHUNK, row_groups=[group], columns=names):
+                        yield [batch.column(name).to_numpy(zero_copy_only=False) for name in names]
 
     return _log(path, "Parquet", columns, chunks, choice)
 
