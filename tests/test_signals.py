@@ -118,6 +118,25 @@ def test_missing_and_repeated_samples_are_listed(tmp_path: Path) -> None:
     assert any(note.startswith("samples are missing in 1 places, 0.006 s at most") for note in notes)
 
 
+def test_outliers_are_mended_and_a_stuck_sensor_is_named(tmp_path: Path) -> None:
+    spoiled = Z.copy()
+    spoiled[[500, 1250, 1251 + 500]] += (3.0, -0.2, 0.05)
+    path = write(tmp_path / "log.csv", revs=REVS, z_mm=spoiled)
+    pitch, notes = read(path, ColumnChoice("revs", "z_mm"), Signals(outlier=0.02e-3))
+    np.testing.assert_allclose(pitch, CONTINUOUS, rtol=0.0, atol=1e-8)
+    assert "3 positions stuck out by more than 0.02 mm: put between their neighbours" in notes
+    path = write(tmp_path / "stuck.csv", revs=REVS, z_mm=np.where(TIME > 1.5, Z[1500], Z))
+    _, notes = read(path, ColumnChoice("revs", "z_mm"))
+    assert notes[-1].startswith("the position does not move in 12 turns, the first of them 13")
+
+
+def test_a_reversal_is_named_where_it_stands_in_the_file(tmp_path: Path) -> None:
+    """The angle ends below its beginning, but it was not turned around for that."""
+    revs = np.concatenate([np.arange(0.0, 3.0, 0.1), np.arange(3.0, -4.0, -0.1)])
+    with pytest.raises(TraceError, match=r"log\.csv:33: the spindle turns back from 3\.0000 to 2\.9000 turns"):
+        read(write(tmp_path / "log.csv", revs=revs, z_mm=np.arange(100.0)), ColumnChoice("revs", "z_mm"))
+
+
 @settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(block=st.integers(20, 9000))
 def test_a_log_in_pieces_gives_the_bits_of_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,

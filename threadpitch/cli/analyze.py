@@ -37,6 +37,9 @@ def analyze(
     gear_ratio: log_options.GearRatio = 1.0,
     position_counts_per_turn: log_options.PositionCounts = None,
     latency: log_options.Latency = 0.0,
+    outlier: Annotated[float | None, typer.Option(
+        metavar="MM", parser=number,
+        help="Put single positions that stick out by more than this between their neighbours.")] = None,
     sample_interval: Annotated[float | None, typer.Option(
         metavar="DEG", parser=number, help="P(n) out of positions stored at every multiple of this angle.")] = None,
     crossing: Annotated[str, typer.Option(
@@ -48,15 +51,15 @@ def analyze(
     """Movement per revolution of every pass in a machine's log."""
     choice = ColumnChoice(angle, position, angle_unit, position_unit, group, time, counts_per_turn)
     signals = Signals(angle_wrap, position_wrap, None if screw_lead is None else 1e-3 * screw_lead, gear_ratio,
-                      position_counts_per_turn, latency)
+                      position_counts_per_turn, latency, None if outlier is None else 1e-3 * outlier)
     starts = radians(start_angle or [0.0])
     interval = None if sample_interval is None else math.radians(sample_interval)
     groups: Sequence[GroupPitch | StreamedPitch]
     if crossing not in CROSSINGS:
         fail(f"crossing {crossing!r} is not known; choose {' or '.join(CROSSINGS)}")
-    if interval is not None and (crossing != "linear" or latency != 0.0):
-        fail("positions stored at an interval are of linear crossings without latency; leave out one of the options")
-    if latency != 0.0 or crossing != "linear":
+    if interval is not None and (crossing != "linear" or signals.needs_the_whole):
+        fail("positions stored at an interval are of linear crossings of signals as they are; leave out an option")
+    if signals.needs_the_whole or crossing != "linear":
         groups = pitch_tables(log, choice, starts, signals, CROSSINGS[crossing])
     else:
         with counting("reading") as told:

@@ -58,7 +58,8 @@ def pitch_table(trace: Trace, start_angles: ArrayLike | None = (0.0,)) -> PitchT
     """
     stream = PitchStream(start_angles, limit=trace.reversal_limit, label=trace.whole())
     stream.add(trace.angle, trace.position)
-    return replace(stream.final_table(), notes=trace.notes)
+    table = stream.final_table()
+    return replace(table, notes=tuple(note for note in (*trace.notes, table.standstill()) if note))
 
 
 TableOf = Callable[[Trace, ArrayLike | None], PitchTable]

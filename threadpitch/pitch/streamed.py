@@ -94,7 +94,8 @@ class GroupStream:
             beginning = ("the first stored positions are extrapolated",) if table.extrapolated.any() else ()
             table = points.pitch_table((0.0,) if self._asked is None else self._asked)
             table = replace(table, notes=(*table.notes, *beginning))
-        return StreamedPitch(self.group.label, replace(table, notes=(*self.group.all_notes(), *table.notes)), points)
+        notes = tuple(note for note in (*self.group.all_notes(), *table.notes, table.standstill()) if note)
+        return StreamedPitch(self.group.label, replace(table, notes=notes), points)
 
 
 def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
@@ -105,11 +106,12 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
     With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``).
 
     Raises:
-        TraceError: the log cannot be read (``read_groups``), or a latency is asked for, which needs the whole.
+        TraceError: the log cannot be read (``read_groups``), or latency or outliers are to be mended, which
+            needs the whole.
         PitchError: a group has less than one whole turn.
     """
-    if signals is not None and signals.latency != 0.0:
-        raise TraceError("a latency needs the whole log in memory; use pitch_tables")
+    if signals is not None and signals.needs_the_whole:
+        raise TraceError("latency and outliers need the whole log in memory; use pitch_tables")
     found: list[StreamedPitch] = []
     now: GroupStream | None = None
     for group, piece in _read_ahead(read_pieces(path, choice, signals)):

@@ -51,6 +51,15 @@ class PitchTable:
         crossings = np.full((movement.shape[0], movement.shape[1] + 1), np.nan)
         return cls(starts, movement, crossings, np.zeros(starts.size, dtype=np.bool_))
 
+    def standstill(self) -> str:
+        """Which turns the position stood still in while others moved: a sensor that is stuck; empty for none."""
+        still = (self.pitch == 0.0).any(axis=0)
+        if not still.any() or not (np.abs(self.pitch) > 0.0).any():
+            return ""
+        turns = np.flatnonzero(still) + 1
+        which = f"turn {turns[0]}" if turns.size == 1 else f"{turns.size} turns, the first of them {turns[0]}"
+        return f"the position does not move in {which}: is its sensor stuck?"
+
     @property
     def minimum(self) -> FloatArray:
         """(start_angles,) m over all turns."""

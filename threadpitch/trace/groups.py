@@ -10,7 +10,7 @@ import numpy as np
 
 from threadpitch.trace.choice import Chosen
 from threadpitch.trace.recording import IntArray, Trace, TraceError
-from threadpitch.trace.signals import Clock, Continuous, Signals, estimated_latency, without_latency
+from threadpitch.trace.signals import Clock, Continuous, Signals, estimated_latency, without_latency, without_outliers
 from threadpitch.trace.soundness import TURN, FloatArray
 
 _HALF_A_TURN = 0.5 * TURN
@@ -175,7 +175,15 @@ def _trace(group: Group, parts: list[Piece]) -> Trace:
     if turns > trace.angle.size:
         raise TraceError(f"{trace.whole()}: {turns:.0f} turns in {trace.angle.size} samples; "
                          f"is the unit of the angle really {group.chosen.angle_unit}?")
-    return _without_latency(trace, group)
+    return _without_latency(_without_outliers(trace, group), group)
+
+
+def _without_outliers(trace: Trace, group: Group) -> Trace:
+    if group.signals.outlier is None:
+        return trace
+    position, count = without_outliers(trace.position, group.signals.outlier)
+    note = f"{count} positions stuck out by more than {1e3 * group.signals.outlier:g} mm: put between their neighbours"
+    return replace(trace, position=position, notes=(*trace.notes, note)) if count else trace
 
 
 def _without_latency(trace: Trace, group: Group) -> Trace:

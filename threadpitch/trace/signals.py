@@ -27,7 +27,8 @@ class Signals:
     counts per turn for a count that the index resets); None = found by itself, 0 = never. ``position_wrap``: the same
     of the position, 0 = never. With ``screw_lead`` (m) the position is the angle of a motor, in rev, deg, rad or
     count (``position_counts_per_turn``): xi = screw_lead theta' / (360 gear_ratio), gear_ratio the motor's turns per
-    turn of the screw. ``latency`` (s): the position was recorded so much later than the angle; NaN = estimate it.
+    turn of the screw. ``latency`` (s): the position was recorded so much later than the angle; NaN = estimate it. ``outlier``
+    (m): a single position that is farther than that from the line between its neighbours is put on that line.
 
     Raises:
         TraceError: a number is not finite, or not positive where it must be.
@@ -39,16 +40,22 @@ class Signals:
     gear_ratio: float = 1.0
     position_counts_per_turn: float | None = None
     latency: float = 0.0
+    outlier: float | None = None
 
     def __post_init__(self) -> None:
         positive = {"screw lead": self.screw_lead, "gear ratio": self.gear_ratio,
-                    "position counts per turn": self.position_counts_per_turn}
+                    "position counts per turn": self.position_counts_per_turn, "outlier limit": self.outlier}
         for name, value in positive.items():
             if value is not None and not 0.0 < value < math.inf:
                 raise TraceError(f"{name} is {value}; give a positive number")
         for name, value in {"angle wrap": self.angle_wrap, "position wrap": self.position_wrap}.items():
             if value is not None and not 0.0 <= value < math.inf:
                 raise TraceError(f"{name} is {value}; give the period in the signal's unit, or 0 for none")
+
+    @property
+    def needs_the_whole(self) -> bool:
+        """What is asked for cannot be done piece by piece."""
+        return self.latency != 0.0 or self.outlier is not None
 
     def position_factor(self, unit: str) -> float:
         """``m = factor * value``."""
@@ -178,6 +185,22 @@ class Clock:
         long = steps[steps > _GAP * self._usual] if self._usual > 0.0 else steps[:0]
         self.gaps += long.size
         self.longest = max(self.longest, float(long.max(initial=0.0)))
+
+
+def without_outliers(position: FloatArray, limit: float) -> tuple[FloatArray, int]:
+    """(the positions (samples,) m with single samples that stick out put between their neighbours, how many).
+
+    A neighbour of an outlier departs from its own neighbours by half as much: only the farthest one is moved.
+    """
+    middle = 0.5 * (position[:-2] + position[2:])
+    out = np.abs(position[1:-1] - middle)
+    farthest = out >= np.maximum(np.concatenate(([0.0], out[:-1])), np.concatenate((out[1:], [0.0])))
+    places = np.flatnonzero((out > limit) & farthest) + 1
+    if not places.size:
+        return position, 0
+    mended = position.copy()
+    mended[places] = middle[places - 1]
+    return mended, int(places.size)
 
 
 def estimated_latency(time: FloatArray, angle: FloatArray, position: FloatArray) -> float:
