@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -164,7 +164,7 @@ def _mdf(path: Path, choice: ColumnChoice) -> ArrayLog:
     """Channels of MDF 3 and 4; those of other rates are interpolated at the instants of the angle."""
     asammdf = _library("asammdf", path, "mdf")
     for reader in (asammdf.blocks.mdf_v3.MDF3, asammdf.blocks.mdf_v4.MDF4):
-        reader.__del__ = lambda _: None  # fails, and prints so, on a file that could not be opened; ``with`` closes
+        _silence_the_end(reader)
     with asammdf.MDF(path) as file:
         places = [(g, c) for g, group in enumerate(file.groups) for c, _ in enumerate(group.channels)
                   if file.masters_db.get(g) != c]
@@ -179,6 +179,19 @@ def _mdf(path: Path, choice: ColumnChoice) -> ArrayLog:
         yield [instants if one is None else _at(instants, one.timestamps, np.asarray(one.samples)) for one in signals]
 
     return _log(path, "MDF", columns, chunks, choice)
+
+
+def _silence_the_end(reader: Any) -> None:
+    """asammdf's ``__del__`` fails, which Python prints, when the file could not be opened."""
+    end = reader.__del__
+    if getattr(end, "__name__", "") == "silent":
+        return
+
+    def silent(self: Any) -> None:
+        with suppress(Exception):
+            end(self)
+
+    reader.__del__ = silent
 
 
 def _at(instants: Array, own: Array, values: Array) -> Array:

@@ -27,8 +27,8 @@ class Signals:
     counts per turn for a count that the index resets); None = found by itself, 0 = never. ``position_wrap``: the same
     of the position, 0 = never. With ``screw_lead`` (m) the position is the angle of a motor, in rev, deg, rad or
     count (``position_counts_per_turn``): xi = screw_lead theta' / (360 gear_ratio), gear_ratio the motor's turns per
-    turn of the screw. ``latency`` (s): the position was recorded so much later than the angle; NaN = estimate it. ``outlier``
-    (m): a single position that is farther than that from the line between its neighbours is put on that line.
+    turn of the screw. ``latency`` (s): the position was recorded so much later than the angle; NaN = estimate it.
+    ``outlier`` (m): a single position that is farther than that from the line between its neighbours is put on it.
 
     Raises:
         TraceError: a number is not finite, or not positive where it must be.
