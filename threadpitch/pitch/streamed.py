@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -114,20 +115,21 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
         raise TraceError("latency and outliers need the whole log in memory; use pitch_tables")
     found: list[StreamedPitch] = []
     now: GroupStream | None = None
-    for group, piece in _read_ahead(read_pieces(path, choice, signals)):
-        if now is None or now.group is not group:
-            if now is not None:
-                found.append(now.result())
-            now = GroupStream(group, start_angles, interval)
-        now.add(piece)
-        if told is not None:
-            told(piece.angle.size)
+    with closing(read_pieces(path, choice, signals)) as pieces, closing(_read_ahead(pieces)) as ahead:
+        for group, piece in ahead:
+            if now is None or now.group is not group:
+                if now is not None:
+                    found.append(now.result())
+                now = GroupStream(group, start_angles, interval)
+            now.add(piece)
+            if told is not None:
+                told(piece.angle.size)
     if now is not None:
         found.append(now.result())
     return found
 
 
-def _read_ahead(items: Iterable[_Item]) -> Iterator[_Item]:
+def _read_ahead(items: Iterable[_Item]) -> Generator[_Item]:
     """The items, the next of which is read by a second thread meanwhile."""
     source = iter(items)
     done: list[_Item] = []  # an object that is no item

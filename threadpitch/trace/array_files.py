@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -68,7 +68,7 @@ def _library(module: str, path: Path, extra: str) -> Any:
 
 
 def _log(path: Path, name: str, columns: Sequence[tuple[str, str]], chunks: Chunks, choice: ColumnChoice) -> ArrayLog:
-    def guarded(wanted: Sequence[int]) -> Iterator[list[Array]]:
+    def guarded(wanted: Sequence[int]) -> Generator[list[Array]]:
         with _damage_named(path, name):
             yield from chunks(wanted)
 
@@ -82,7 +82,7 @@ def _parquet(path: Path, choice: ColumnChoice) -> ArrayLog:
     schema = parquet.read_schema(parts[0])
     columns = [(field.name, (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace")) for field in schema]
 
-    def chunks(wanted: Sequence[int]) -> Iterator[list[Array]]:
+    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
         names = [columns[i][0] for i in wanted]
         for part in parts:
             with parquet.ParquetFile(part) as file:
@@ -107,7 +107,7 @@ def _hdf5(path: Path, choice: ColumnChoice) -> ArrayLog:
     with h5py.File(path, "r") as file:
         file.visititems(visit)
 
-    def chunks(wanted: Sequence[int]) -> Iterator[list[Array]]:
+    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
         with h5py.File(path, "r") as file:
             sets = [file[columns[i][0]] for i in wanted]
             lengths = {max(one.shape, default=0) for one in sets}
@@ -127,7 +127,7 @@ def _mat(path: Path, choice: ColumnChoice) -> ArrayLog:
                if not name.startswith("__") and np.size(value) == max(np.shape(value), default=0) > 1}
     columns = [(name, "") for name in vectors]
 
-    def chunks(wanted: Sequence[int]) -> Iterator[list[Array]]:
+    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
         yield [vectors[columns[i][0]] for i in wanted]
 
     return _log(path, "MAT", columns, chunks, choice)
@@ -147,7 +147,7 @@ def _tdms(path: Path, choice: ColumnChoice) -> ArrayLog:
     if increments:
         columns.append(("time", "s"))
 
-    def chunks(wanted: Sequence[int]) -> Iterator[list[Array]]:
+    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
         with nptdms.TdmsFile.open(path) as file:
             found = [file[channels[i][0]][channels[i][1]] if i < len(channels) else None for i in wanted]
             lengths = {len(channel) for channel in found if channel is not None}
@@ -171,7 +171,7 @@ def _mdf(path: Path, choice: ColumnChoice) -> ArrayLog:
         columns = [(file.groups[g].channels[c].name, file.groups[g].channels[c].unit or "") for g, c in places]
     columns.append(("time", "s"))
 
-    def chunks(wanted: Sequence[int]) -> Iterator[list[Array]]:
+    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
         with asammdf.MDF(path) as file:
             signals: list[Any] = [None if i == len(places) else file.get(group=places[i][0], index=places[i][1])
                                   for i in wanted]

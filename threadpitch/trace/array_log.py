@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from threadpitch.trace.recording import IntArray, TraceError
 from threadpitch.trace.soundness import FloatArray
 
 Array = NDArray[Any]
-Chunks = Callable[[Sequence[int]], Iterator[list[Array]]]  # the columns asked for, (rows,) each, chunk by chunk
+Chunks = Callable[[Sequence[int]], Generator[list[Array]]]  # the columns asked for, (rows,) each, chunk by chunk
 
 
 class ArrayLog:
@@ -35,6 +35,12 @@ class ArrayLog:
         self._chunks = chunks
         self._labels = Labels()
         self._label = ""  # of the row before
+        self._open: Generator[list[Array]] | None = None
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._open is not None:
+            self._open.close()
 
     def pieces(self) -> Iterator[Piece]:
         """The threading rows, as long as they have one label and lie in one chunk."""
@@ -42,7 +48,8 @@ class ArrayLog:
         wanted = list(dict.fromkeys(i for i in (chosen.angle, chosen.position, chosen.time, chosen.group)
                                     if i is not None))
         rows, threading = 0, False
-        for arrays in self._chunks(wanted):
+        for arrays in (chunks := self._chunks(wanted)):
+            self._open = chunks
             columns = dict(zip(wanted, arrays, strict=True))
             first = columns[chosen.angle]
             if any(array.shape != first.shape or array.ndim != 1 for array in arrays):

@@ -8,7 +8,7 @@ without a second pass), and the large readers (pandas, polars, arrow) would be t
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from itertools import groupby
 
@@ -29,9 +29,20 @@ class TextLog:
             NaN in a number, rows of unequal length, no threading row.
     """
 
-    def __init__(self, source: str, blocks: Iterator[Block], choice: ColumnChoice) -> None:
+    def __init__(self, source: str, blocks: Generator[Block], choice: ColumnChoice) -> None:
         self.source = source
         self._blocks = blocks
+        try:
+            self._begin(choice)
+        except TraceError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file."""
+        self._blocks.close()
+
+    def _begin(self, choice: ColumnChoice) -> None:
         self._first = next(self._blocks, None)
         if self._first is None:
             raise TraceError(f"{self.source}: there are no rows below the header")

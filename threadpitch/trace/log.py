@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Protocol
 
@@ -26,6 +27,9 @@ class Log(Protocol):
     def pieces(self) -> Iterator[Piece]:
         """Neighbouring samples of one group, one piece after the other."""
 
+    def close(self) -> None:
+        """Close the file."""
+
 
 def open_log(path: Path, choice: ColumnChoice) -> Log:
     """The log in a file, by what it begins with; ``-`` is the text on standard input.
@@ -38,14 +42,14 @@ def open_log(path: Path, choice: ColumnChoice) -> Log:
 
 
 def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) \
-        -> Iterator[tuple[Group, Piece]]:
+        -> Generator[tuple[Group, Piece]]:
     """The samples of a log piece by piece, rad, m and s, each with its group; nothing of them is kept.
 
     Raises:
         TraceError: as ``read_groups``, but for what needs a whole group: the turning of the spindle.
     """
-    log = open_log(Path(path), choice)
-    yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
+    with closing(open_log(Path(path), choice)) as log:
+        yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
 
 
 def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = None, *, idle: float = math.inf) \
@@ -57,8 +61,8 @@ def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = Non
     Raises:
         TraceError: as ``read_pieces``; the file became shorter.
     """
-    log = TextLog(str(path), rows_of_lines(live_lines(path, idle), str(path)), choice)
-    yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
+    with closing(TextLog(str(path), rows_of_lines(live_lines(path, idle), str(path)), choice)) as log:
+        yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
 
 
 def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) -> list[Trace]:

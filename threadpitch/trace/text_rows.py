@@ -7,7 +7,7 @@ import difflib
 import gzip
 import sys
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -41,7 +41,7 @@ class Block:
         return replace(self, lines=self.lines[first:last], rows=self.rows[first:last])
 
 
-def rows_of(path: Path) -> Iterator[Block]:
+def rows_of(path: Path) -> Generator[Block]:
     """The rows of a text file in blocks; blank rows and comments (#, %, //) are left out.
 
     Raises:
@@ -51,7 +51,7 @@ def rows_of(path: Path) -> Iterator[Block]:
         yield from rows_of_lines(_line_blocks(stream, str(path)), str(path))
 
 
-def rows_of_lines(blocks: Iterable[list[str]], source: str) -> Iterator[Block]:
+def rows_of_lines(blocks: Iterable[list[str]], source: str) -> Generator[Block]:
     """The rows out of blocks of whole lines.
 
     What stands above the rows, the separator and the decimal sign are found in the first block (``text_head``).
