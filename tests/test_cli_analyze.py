@@ -217,7 +217,9 @@ def test_a_group_of_less_than_a_turn_is_named(threadpitch: Command, write_log: W
     ((*COLUMNS, "--start-angle", "0", "nan"), r"'nan' is not finite"),
     ((*COLUMNS, "--colour"), r"[Nn]o such option: --colour.*; see threadpitch analyze --help"),
     ((*COLUMNS, "second.csv"), r"unexpected extra argument.*second\.csv.*; see threadpitch analyze --help"),
-    (("--angle", "angle"), r"Missing option '--position'; see threadpitch analyze --help"),
+    (("--angle", "angle", "--latency", "long"), r"'--latency': 'long' is not a number; write it like"),
+    ((*COLUMNS, "--screw-lead", "-5"), r"screw lead is -0\.005; give a positive number"),
+    ((*COLUMNS, "--screw-lead", "5"), r"'mm' is not a unit of the motor's angle; with a screw lead"),
 ])
 def test_wrong_options(threadpitch: Command, write_log: WriteLog, options: tuple[str, ...], message: str) -> None:
     outcome = threadpitch("analyze", write_log(turns()), *options)

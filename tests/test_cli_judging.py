@@ -40,7 +40,7 @@ def measured(workplace: Path) -> Path:
 
 def test_the_verdict_is_printed(threadpitch: Command, log: Path, measured: Path) -> None:
     outcome = threadpitch("analyze", log, *COLUMNS, "--measured", measured, "--thread", "M20x1.5-6g",
-                          "--screw-lead", 10)
+                          "--ball-screw", 10)
     assert (outcome.status, outcome.err) == (0, "")
     text = " ".join(outcome.out.split())
     assert "Verdict on the measured pitches, against group 1" in text

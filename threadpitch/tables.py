@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from threadpitch.passes import Pass
-from threadpitch.pitch import GroupPitch, PitchTable, Statistics
+from threadpitch.pitch import BoolArray, GroupPitch, PitchTable, Statistics, StreamedPitch
 from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
 
@@ -37,9 +37,19 @@ class Layout:
     lines: box.Box = box.ASCII2
 
 
-def analysis_document(groups: Sequence[GroupPitch]) -> dict[str, object]:
+def analysis_document(groups: Sequence[GroupPitch | StreamedPitch]) -> dict[str, object]:
     """The groups of a log as a JSON document, mm and degrees; null where a crossing lies outside the log."""
-    return {"groups": [{"group": group.label, **pitch_record(group.table)} for group in groups]}
+    return {"groups": [{"group": group.label, **pitch_record(group.table), **_stored_record(group)}
+                       for group in groups]}
+
+
+def _stored_record(group: GroupPitch | StreamedPitch) -> dict[str, object]:
+    points = group.stored if isinstance(group, StreamedPitch) else None
+    if points is None:
+        return {}
+    return {"stored": {"interval_deg": round(from_si(points.interval, "deg"), 9),
+                       "angle_deg": [round(from_si(angle, "deg"), 9) for angle in points.angle.tolist()],
+                       "position_mm": _millimetres(points.position)}}
 
 
 def pitch_record(table: PitchTable) -> dict[str, object]:
@@ -51,6 +61,7 @@ def pitch_record(table: PitchTable) -> dict[str, object]:
         "max_mm": _millimetres(table.maximum),
         "mean_mm": _millimetres(table.mean),
         "extrapolated": [bool(flag) for flag in table.extrapolated],
+        **({} if table.uncertainty is None else {"uncertainty_mm": [_millimetres(row) for row in table.uncertainty]}),
         "turns_before": table.turns_before,
         "notes": list(table.notes),
     }
@@ -66,7 +77,7 @@ def pitch_tables_text(table: PitchTable, layout: Layout | None = None) -> str:
     return _plain(pitch_renderable(table, layout), layout or Layout())
 
 
-def show_groups(console: Console, groups: Sequence[GroupPitch], *, decimals: int = 4) -> None:
+def show_groups(console: Console, groups: Sequence[GroupPitch | StreamedPitch], *, decimals: int = 4) -> None:
     """Prints the tables of every group; with drawn lines and bold heads on a terminal, plain in a pipe."""
     layout = _layout_of(console, decimals)
     for group in groups:
@@ -101,6 +112,8 @@ def pitch_renderable(table: PitchTable, layout: Layout | None = None) -> Rendera
     parts: list[RenderableType] = [Text("Movement amount P(n) for each rotation [mm]"),
                                    *_movement_tables(table, layout),
                                    _statistics_table(table, table.statistics, layout)]
+    if table.uncertainty is not None:
+        parts.append(Text(_uncertainty(table.uncertainty)))
     if table.extrapolated.any():
         parts.append(Text(_EXTRAPOLATED))
     parts.extend(Text(printable(note)) for note in table.notes)
@@ -110,6 +123,11 @@ def pitch_renderable(table: PitchTable, layout: Layout | None = None) -> Rendera
 def printable(text: str) -> str:
     """Text from a file without control characters, which a terminal would obey."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def _uncertainty(values: FloatArray) -> str:
+    least, middle, most = (1e6 * float(value) for value in (np.nanmin(values), np.nanmedian(values), np.nanmax(values)))
+    return f"Standard uncertainty of P(n): {middle:.3g} um ({least:.3g} to {most:.3g})"
 
 
 def _movement_tables(table: PitchTable, layout: Layout) -> Iterator[Table]:
@@ -135,10 +153,20 @@ def _pass_renderable(one: Pass, layout: Layout) -> RenderableType:
     told = [Text(what)] if (what := pass_description(one)) else []
     parts: list[RenderableType] = [head, *told, pitch_renderable(one.table, layout)]
     if one.effective is not None and one.in_metal.any():
-        turns = np.flatnonzero(one.in_metal.any(axis=0))
-        parts += [Text(f"Effective thread: turns in the metal, n = {turns[0] + 1} to {turns[-1] + 1}"),
+        parts += [Text(f"Effective thread: turns in the metal, {_in_metal(one.table, one.in_metal)}"),
                   _statistics_table(one.table, one.effective, layout)]
     return Group(*parts)
+
+
+def _in_metal(table: PitchTable, in_metal: BoolArray) -> str:
+    """The turns, of every start angle by itself where they differ."""
+    ranges = []
+    for row in in_metal:
+        turns = np.flatnonzero(row) + 1
+        ranges.append(f"n = {turns[0]} to {turns[-1]}" if turns.size else "none")
+    if len(set(ranges)) == 1:
+        return ranges[0]
+    return "; ".join(f"{angle:.6g} deg: {turns}" for angle, turns in zip(start_angles_deg(table), ranges, strict=True))
 
 
 def _layout_of(console: Console, decimals: int) -> Layout:

@@ -24,6 +24,7 @@ from threadpitch.cli.options import SEVERAL
 from threadpitch.cli.printing import complain, printing
 from threadpitch.cli.resume import resume
 from threadpitch.cli.run import run
+from threadpitch.cli.watch import watch
 from threadpitch.cosim.interrupt import Terminated, end_in_order
 from threadpitch.cycles import CycleError
 from threadpitch.fmu import BuildError, ModelError
@@ -44,7 +45,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_
                   context_settings={"help_option_names": ["-h", "--help"]},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
-for _command in (run, resume, check, analyze, build, cycle, approach):
+for _command in (run, resume, check, analyze, watch, build, cycle, approach):
     app.command()(_command)
 
 

@@ -13,7 +13,7 @@ from rich.text import Text
 from threadpitch.cli.printing import fail
 from threadpitch.judgement import Evidence, MeasuredThread, Verdict, judge, verdict_document
 from threadpitch.judgement.measured_file import read_measured
-from threadpitch.pitch import GroupPitch
+from threadpitch.pitch import GroupPitch, StreamedPitch
 from threadpitch.tables import printable
 from threadpitch.tolerance import PitchConformity, Thread, parse_thread, pitch_conformity
 from threadpitch.units import from_si, to_si
@@ -41,7 +41,7 @@ class Findings:
     tolerances: tuple[tuple[str, PitchConformity], ...]  # (of what, how it keeps to its tolerance)
 
 
-def find(groups: Sequence[GroupPitch], asked: Judged) -> Findings:
+def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged) -> Findings:
     """Judge the last group of the log: the pass that leaves the groove.
 
     Raises:
@@ -78,7 +78,8 @@ def show_findings(console: Console, found: Findings) -> None:
             console.print(Text(line))
 
 
-def _verdict(group: GroupPitch, measured: list[MeasuredThread], thread: Thread | None, asked: Judged) -> Verdict:
+def _verdict(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], thread: Thread | None,
+             asked: Judged) -> Verdict:
     if asked.target_mm is not None:
         target = to_si(asked.target_mm, "mm")
     elif thread is not None:
@@ -89,7 +90,7 @@ def _verdict(group: GroupPitch, measured: list[MeasuredThread], thread: Thread |
                  screw_lead=_si(asked.screw_lead_mm, "mm"))
 
 
-def _tolerances(group: GroupPitch, measured: list[MeasuredThread], thread: Thread,
+def _tolerances(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], thread: Thread,
                 asked: Judged) -> list[tuple[str, PitchConformity]]:
     """Of every measured thread; of the nominal pitches where nothing was measured."""
     share, engagement = asked.limit_percent / 100.0, _si(asked.engagement_mm, "mm")

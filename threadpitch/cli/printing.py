@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from threadpitch import lathe
 from threadpitch.fmu import NO_COMPILER
@@ -36,6 +36,17 @@ class progress:  # noqa: N801 -- used as a function: with progress("simulating")
 
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
+
+
+@contextlib.contextmanager
+def counting(label: str) -> Iterator[Callable[[int], None]]:
+    """A line on standard error that counts samples as they are told; nothing where that is no terminal."""
+    console = Console(stderr=True)
+    line = Progress(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:,} samples"),
+                    TimeElapsedColumn(), console=console, transient=True, disable=not console.is_terminal)
+    task = line.add_task(label, total=None)
+    with line:
+        yield lambda samples: line.advance(task, samples)
 
 
 @contextlib.contextmanager

@@ -91,7 +91,8 @@ def run(
             return lathe.simulate(
                 system, parameters={**machine, **words, **values}, start_angles=angles, step_size=step_size,
                 flavor=flavor, stop_time=enough if stop_time is None else stop_time, record=record,
-                record_every=record_every, record_on=record_on or (), results=results, checkpoint=checkpoint, checkpoint_every=checkpoint_every,
+                record_every=record_every, record_on=record_on or (), results=results, checkpoint=checkpoint,
+                checkpoint_every=checkpoint_every,
                 replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
 
     if program is None:

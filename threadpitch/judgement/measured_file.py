@@ -22,7 +22,8 @@ from threadpitch import units
 from threadpitch.judgement.alignment import MeasuredThread
 from threadpitch.judgement.verdict import JudgementError
 from threadpitch.trace import FloatArray
-from threadpitch.trace.text_rows import brief, rows_of
+from threadpitch.trace.choice import brief
+from threadpitch.trace.text_rows import rows_of
 
 _NAMES = {"turn": "turn", "n": "turn", "revolution": "turn", "position": "position", "z": "position",
           "pitch": "pitch", "lead": "pitch", "flank": "flank", "start_angle": "start_angle",

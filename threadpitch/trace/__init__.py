@@ -1,15 +1,28 @@
 """Recordings: the ``Trace`` of spindle angle and feed position, and the readers that make one from a log."""
 
-from threadpitch.trace.csv_log import ColumnChoice, read_groups
-from threadpitch.trace.recording import REVERSAL_LIMIT, TURN, FloatArray, IntArray, Trace, TraceError
+from threadpitch.trace.choice import ColumnChoice
+from threadpitch.trace.groups import Group, Piece
+from threadpitch.trace.log import read_groups, read_pieces, watch_pieces
+from threadpitch.trace.recording import REVERSAL_LIMIT, IntArray, Trace, TraceError, reversal_limit, samples, time_fault
+from threadpitch.trace.signals import Signals
+from threadpitch.trace.soundness import LARGEST, TURN, FloatArray
 
 __all__ = [
+    "LARGEST",
     "REVERSAL_LIMIT",
     "TURN",
     "ColumnChoice",
     "FloatArray",
+    "Group",
     "IntArray",
+    "Piece",
+    "Signals",
     "Trace",
     "TraceError",
     "read_groups",
+    "read_pieces",
+    "reversal_limit",
+    "samples",
+    "time_fault",
+    "watch_pieces",
 ]

@@ -7,25 +7,19 @@ axis, sample by sample. All checks are made once, when the trace is made; whoeve
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from threadpitch.compiled import compiled
+from threadpitch.trace.soundness import FloatArray, fault_text, first_fault
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-TURN = 2.0 * math.pi  # rad
 REVERSAL_LIMIT = math.radians(5.0)  # more than one count of the coarsest pulse generator in use (100 lines: 3.6 deg)
 COUNT_JITTER = 1.5  # counts; an encoder that stands on an edge goes back by one
 SPINDLE_SWAY = math.radians(1.0)  # what a fine encoder may go back by noise and vibration
-TWO_THREADS_FROM = 1 << 20  # samples; below that a second thread costs more than it gives
-LARGEST = 1e100  # of an angle or a position; what is larger is damaged, and differences and products stay finite
 
-_SOUND, _ANGLE_DAMAGED, _POSITION_DAMAGED, _REVERSAL = 0, 1, 2, 3
 
 
 class TraceError(ValueError):
@@ -59,7 +53,14 @@ class Trace:
         if self.time is not None:
             arrays["time"] = self.time
         for name, values in arrays.items():
-            object.__setattr__(self, name, self._samples(name, values))
+            array = samples(name, values, self.whole())
+            if name != "angle" and array.size != self.angle.size:
+                raise TraceError(f"{self.whole()}: {name} has {array.size} samples and angle {self.angle.size}; "
+                                 "give equal lengths")
+            object.__setattr__(self, name, array)
+        if self.angle.size < 2:
+            raise TraceError(f"{self.whole()}: {self.angle.size} samples; a pitch needs two and a whole turn between "
+                             "them")
         self._check_time()
         object.__setattr__(self, "rising", self._check_angle_and_position())
 
@@ -77,93 +78,52 @@ class Trace:
     @property
     def reversal_limit(self) -> float:
         """How far the angle may go back from its peak, rad."""
-        return max(COUNT_JITTER * self.resolution, SPINDLE_SWAY) if self.resolution > 0.0 else REVERSAL_LIMIT
-
-    def _samples(self, name: str, values: ArrayLike) -> FloatArray:
-        try:
-            array = np.ascontiguousarray(values, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise TraceError(f"{self.whole()}: {name} is not an array of numbers") from None
-        shape, wanted = np.shape(values), np.shape(self.angle)
-        if len(shape) != 1:
-            raise TraceError(f"{self.whole()}: {name} has the shape {shape}; give one value per sample, (samples,)")
-        if shape != wanted:
-            raise TraceError(f"{self.whole()}: {name} has {shape[0]} samples and angle {wanted[0]}; give equal lengths")
-        if array.size < 2:
-            raise TraceError(f"{self.whole()}: {array.size} samples; a pitch needs two and a whole turn between them")
-        return array
+        return reversal_limit(self.resolution)
 
     def _check_time(self) -> None:
-        if self.time is None:
-            return
-        sound = np.isfinite(self.time)
-        if not sound.all():
-            raise TraceError(f"{self.place(int(np.argmin(sound)))}: time is not finite; mend or leave out this sample")
-        back = self.time[1:] < self.time[:-1]
-        if back.any():
-            sample = int(np.argmax(back)) + 1
-            raise TraceError(f"{self.place(sample)}: time runs back from {self.time[sample - 1]:.9g} to "
-                             f"{self.time[sample]:.9g} s; sort the samples, or separate the recordings by a group")
+        if self.time is not None and (fault := time_fault(self.time)) is not None:
+            raise TraceError(f"{self.place(fault[0])}: {fault[1]}")
 
     def _check_angle_and_position(self) -> bool:
-        """Whether the angle never goes back; the first pass is branchless, the second finds what and where."""
-        if _ends_are_sound(self.angle, self.position) and _suspects(self.angle, self.position) == 0:
-            return True
-        fault, sample, peak = _first_fault(self.angle, self.position, self.reversal_limit)
-        if fault in (_ANGLE_DAMAGED, _POSITION_DAMAGED):
-            name = "angle" if fault == _ANGLE_DAMAGED else "position"
-            value = getattr(self, name)[sample]
-            raise TraceError(f"{self.place(sample)}: {name} is {'NaN' if math.isnan(value) else value}; "
-                             "mend or leave out this sample")
-        if fault == _REVERSAL:
-            raise TraceError(f"{self.place(sample)}: {self._reversal(self.angle[sample], peak)}")
-        return False
-
-    def _reversal(self, angle: float, peak: float) -> str:
-        rises = int(np.count_nonzero(self.angle[1:] > self.angle[:-1]))
-        falls = int(np.count_nonzero(self.angle[1:] < self.angle[:-1]))
-        if falls > rises:
-            return "the angle counts down; give it counted up in the turning direction (the negative of it)"
-        return (f"the spindle turns back from {peak / TURN:.4f} to {angle / TURN:.4f} turns; end the trace before the "
-                "reversal; if the angle restarts there, name the group column; if it wraps, make it continuous")
+        """Whether the angle never goes back."""
+        sample, rising = first_fault(self.angle, self.position, self.reversal_limit)
+        if sample >= 0:
+            peak = float(self.angle[:sample].max(initial=-math.inf))
+            raise TraceError(f"{self.place(sample)}: {fault_text(self.angle, self.position, sample, peak)}")
+        return rising
 
 
-def _ends_are_sound(angle: FloatArray, position: FloatArray) -> bool:
-    """The kernel compares neighbours: of an angle that never falls only the ends can be too large unnoticed."""
-    return bool(abs(angle[0]) <= LARGEST and abs(angle[-1]) <= LARGEST and abs(position[0]) <= LARGEST)
+def time_fault(time: FloatArray, before: float = -math.inf) -> tuple[int, str] | None:
+    """The first sample whose time cannot be, and what is wrong with it; ``before`` is the time of the sample before."""
+    sound = np.isfinite(time)
+    if not sound.all():
+        return int(np.argmin(sound)), "time is not finite; mend or leave out this sample"
+    back = np.flatnonzero(time < np.concatenate(([before], time[:-1])))
+    if not back.size:
+        return None
+    sample = int(back[0])
+    earlier = time[sample - 1] if sample else before
+    return sample, (f"time runs back from {earlier:.9g} to {time[sample]:.9g} s; sort the samples, or separate the "
+                    "recordings by a group")
 
 
-def _suspects(angle: FloatArray, position: FloatArray) -> int:
-    """The number of samples at which the angle goes back, or a value is not finite."""
-    if angle.size < TWO_THREADS_FROM:
-        return _count_suspects(angle, position)
-    middle = angle.size // 2
-    with ThreadPoolExecutor(max_workers=1) as second:
-        rest = second.submit(_count_suspects, angle[middle:], position[middle:])
-        return _count_suspects(angle[: middle + 1], position[: middle + 1]) + rest.result()
+def reversal_limit(resolution: float) -> float:
+    """How far the angle may go back from its peak, rad; ``resolution`` of one count, rad, 0 = not known."""
+    return max(COUNT_JITTER * resolution, SPINDLE_SWAY) if resolution > 0.0 else REVERSAL_LIMIT
 
 
-@compiled(nogil=True)
-def _count_suspects(angle: FloatArray, position: FloatArray) -> int:
-    """The first sample is compared with none."""
-    suspects = 0
-    for i in range(1, angle.size):  # without a branch, so that it is vectorised and runs at the speed of memory
-        suspects += not (angle[i] >= angle[i - 1])  # true for NaN as well
-        suspects += not (abs(position[i]) <= LARGEST)
-    return suspects
+def samples(name: str, values: ArrayLike, label: str) -> FloatArray:
+    """The values (samples,) as float64, contiguous.
 
-
-@compiled(nogil=True)
-def _first_fault(angle: FloatArray, position: FloatArray, limit: float) -> tuple[int, int, float]:
-    """(fault, sample, peak of the angle up to there, rad)."""
-    peak = angle[0]
-    for i in range(angle.size):
-        if not abs(angle[i]) <= LARGEST:
-            return _ANGLE_DAMAGED, i, peak
-        if not abs(position[i]) <= LARGEST:
-            return _POSITION_DAMAGED, i, peak
-        if angle[i] > peak:
-            peak = angle[i]
-        elif peak - angle[i] > limit:
-            return _REVERSAL, i, peak
-    return _SOUND, 0, peak
+    Raises:
+        TraceError: they are no real numbers, masked, or have another shape.
+    """
+    given = np.asanyarray(values)
+    if np.ma.is_masked(given):
+        masked = int(np.argmax(np.ma.getmaskarray(given)))
+        raise TraceError(f"{label}: {name} is masked at sample {masked}; mend or leave out this sample")
+    if given.dtype.kind not in "fiub":
+        raise TraceError(f"{label}: {name} is not an array of numbers, but of {given.dtype}; give real numbers")
+    if given.ndim != 1:
+        raise TraceError(f"{label}: {name} has the shape {given.shape}; give one value per sample, (samples,)")
+    return np.ascontiguousarray(given, dtype=np.float64)

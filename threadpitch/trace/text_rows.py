@@ -5,20 +5,22 @@ from __future__ import annotations
 import csv
 import difflib
 import gzip
+import sys
 import zlib
-from collections.abc import Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
+from threadpitch.trace.choice import brief
 from threadpitch.trace.recording import TraceError
+from threadpitch.trace.text_head import Head, find_head
 
+STANDARD_INPUT = "-"  # as a file's name
 BLOCK = 1 << 20  # characters that are read at once
 LONGEST_LINE = 1 << 16  # characters; a row of numbers is far shorter
 _GZIP = b"\x1f\x8b"
-_SEPARATORS = ",;\t"
-_SHOWN = 40  # characters of a text from a file that a message shows
 
 
 @dataclass(frozen=True)
@@ -30,49 +32,57 @@ class Block:
     header_line: int
     lines: list[int]
     rows: list[list[str]]
+    units: list[str]  # of the columns, where the file gives them in a row of their own; "" for none
+    notes: tuple[str, ...] = ()  # how the text was read
+    numbered: bool = False  # there is no header: the columns are numbered
 
     def part(self, first: int, last: int) -> Block:
         """The rows from ``first`` up to ``last``."""
         return replace(self, lines=self.lines[first:last], rows=self.rows[first:last])
 
 
-def brief(text: str) -> str:
-    """Text of a file as a message shows it: quoted, control characters escaped, not longer than a line."""
-    return repr(text if len(text) <= _SHOWN else text[:_SHOWN] + "...")
-
-
-def rows_of(path: Path) -> Iterator[Block]:
-    """The rows of a text file in blocks; the first row that is not blank is the header, blank rows are left out.
-
-    The separator is the one of comma, semicolon and tab that the header holds most of.
+def rows_of(path: Path) -> Generator[Block]:
+    """The rows of a text file in blocks; blank rows and comments (#, %, //) are left out.
 
     Raises:
         TraceError: the file is missing, a directory, empty, binary, cut off, or its rows differ in length.
     """
-    source = str(path)
-    header: list[str] = []
-    header_line, line, separator = 0, 0, ","
     with _opened(path) as stream:
-        for text in _line_blocks(stream, source):
-            if not header:
-                blank = next((i for i, row in enumerate(text) if row.strip()), len(text))
-                line, text = line + blank, text[blank:]
-                if not text:
-                    continue
-                separator = max(_SEPARATORS, key=text[0].count)
-                header, header_line = _header(text[0], separator, f"{source}:{line + 1}"), line + 1
-                line, text = line + 1, text[1:]
-            block = _split(text, separator, Block(source, header, header_line, [], []), line)
-            line += len(text)
-            if block.rows:
-                yield block
-    if not header:
+        yield from rows_of_lines(_line_blocks(stream, str(path)), str(path))
+
+
+def rows_of_lines(blocks: Iterable[list[str]], source: str) -> Generator[Block]:
+    """The rows out of blocks of whole lines.
+
+    What stands above the rows, the separator and the decimal sign are found in the first block (``text_head``).
+
+    Raises:
+        TraceError: there is no row, or the rows differ in length.
+    """
+    head: Head | None = None
+    line = 0  # lines above the block
+    for text in blocks:
+        if head is None:
+            if not any(row.strip() for row in text):
+                line += len(text)
+                continue
+            head = find_head(text, source, line)
+            line, text = line + head.lines, text[head.lines :]
+        empty = Block(source, head.names, head.line, [], [], head.units, head.notes, head.numbered)
+        block = _split(text, head, empty, line)
+        line += len(text)
+        if block.rows:
+            yield block
+    if head is None:
         raise TraceError(f"{source}: the file is empty; give a log with a header and rows")
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[IO[str]]:
     source = str(path)
+    if source == STANDARD_INPUT:
+        yield sys.stdin
+        return
     try:
         with open(path, "rb") as raw:
             packed = raw.read(2) == _GZIP
@@ -132,25 +142,9 @@ def _line_blocks(stream: IO[str], source: str) -> Iterator[list[str]]:
         yield lines
 
 
-def _header(text: str, separator: str, place: str) -> list[str]:
-    header = next(csv.reader([text], delimiter=separator))
-    numbers = sum(_starts_like_a_number(name) for name in header)
-    if numbers == len(header):
-        raise TraceError(f"{place}: the first row holds numbers; give a header with the names of the columns")
-    return header
-
-
-def _starts_like_a_number(name: str) -> bool:
-    try:
-        float(name)
-    except ValueError:
-        return False
-    return True
-
-
-def _split(text: list[str], separator: str, empty: Block, before: int) -> Block:
+def _split(text: list[str], head: Head, empty: Block, before: int) -> Block:
     """The rows of these lines; ``before`` lines of the file stand above them."""
-    reader = csv.reader(text, delimiter=separator)
+    reader = csv.reader(head.plain(text), delimiter=head.separator)
     rows: list[list[str]] = []
     for number, row in enumerate(reader, start=1):
         if reader.line_num != number:
@@ -165,5 +159,5 @@ def _split(text: list[str], separator: str, empty: Block, before: int) -> Block:
             row.pop()  # a separator at the end of the row
         if len(row) != width:
             raise TraceError(f"{empty.source}:{line}: {len(row)} fields where the header has {width}; mend this row "
-                             f"(separator {separator!r})")
+                             f"(separator {head.separator!r})")
     return replace(empty, lines=[line for line, _ in kept], rows=[row for _, row in kept])

@@ -1,0 +1,164 @@
+"""Signals as machines give them lead to the pitches of the continuous ones, and what was done is listed."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from threadpitch.pitch import pitch_tables, stream_pitches, thread_pitch
+from threadpitch.trace import TURN, ColumnChoice, FloatArray, Signals, TraceError, text_rows
+from threadpitch.trace.signals import Continuous
+
+TIME: FloatArray = 1e-3 * np.arange(3000.0)
+REVS: FloatArray = 8.0 * TIME + 0.05 * np.sin(11.0 * TIME)
+Z: FloatArray = 1.5 * REVS + 0.003 * np.sin(2.0 * REVS)  # mm
+COUNTS = np.floor(4096.0 * REVS)
+
+
+def write(path: Path, **columns: FloatArray) -> Path:
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    path.write_text("\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]) + "\n")
+    return path
+
+
+def read(path: Path, choice: ColumnChoice, signals: Signals | None = None) -> tuple[FloatArray, tuple[str, ...]]:
+    (group,) = pitch_tables(path, choice, (0.0,), signals)
+    return group.table.pitch[0], group.table.notes
+
+
+CONTINUOUS = thread_pitch(TURN * REVS, 1e-3 * Z).pitch[0]
+OF_COUNTS = thread_pitch(TURN / 4096.0 * COUNTS, 1e-3 * Z).pitch[0]
+
+
+@pytest.mark.parametrize(("angle", "unit", "counts"), [
+    (360.0 * (REVS % 1.0), "deg", None),
+    ((360.0 * REVS + 180.0) % 360.0 - 180.0, "deg", None),
+    (REVS % 1.0, "rev", None),
+    (TURN * (REVS % 1.0), "rad", None),
+    (-REVS % 1.0, "rev", None),
+    (COUNTS % 4096.0, "count", 4096.0),
+    (COUNTS % 65536.0, "count", 4096.0),
+    ((COUNTS + 32768.0) % 65536.0 - 32768.0, "count", 4096.0),
+    (-COUNTS, "count", 4096.0),
+])
+def test_wrapped_angles_are_found_and_made_continuous(tmp_path: Path, angle: FloatArray, unit: str,
+                                                      counts: float | None) -> None:
+    path = write(tmp_path / "log.csv", a=angle, z=Z)
+    pitch, notes = read(path, ColumnChoice("a", "z", unit, counts_per_turn=counts))
+    expected = OF_COUNTS if counts else CONTINUOUS
+    np.testing.assert_allclose(pitch, expected, rtol=0.0, atol=4e-7 if angle[1] < 0.0 else 1e-12)
+    assert any("wraps at" in note or "counts down" in note for note in notes)
+
+
+@settings(deadline=None, max_examples=100)
+@given(bits=st.integers(8, 32), seed=st.integers(0, 2**32 - 1), borders=st.lists(st.integers(0, 500), max_size=6))
+def test_a_counter_of_any_width_is_continuous_again(bits: int, seed: int, borders: list[int]) -> None:
+    steps = np.random.default_rng(seed).integers(-5, 2 ** (bits - 1) - 1, 500)
+    counts = np.cumsum(steps).astype(np.float64)
+    signal = Continuous("angle", 2.0**bits, math.inf)
+    cuts = sorted(borders)
+    parts = [signal.add(counts[a:b] % 2.0**bits) for a, b in zip([0, *cuts], [*cuts, 500], strict=True)]
+    found = np.concatenate(parts)
+    np.testing.assert_array_equal(found - found[0], counts - counts[0])
+
+
+def test_an_index_that_resets_a_count_corrects_what_was_lost(tmp_path: Path) -> None:
+    """3 counts are lost in every turn; the index sets the counter to zero."""
+    phase = REVS % 1.0
+    path = write(tmp_path / "log.csv", a=np.floor(4093.0 * phase), z=Z)
+    pitch, notes = read(path, ColumnChoice("a", "z", "count", counts_per_turn=4096.0))
+    np.testing.assert_allclose(pitch, CONTINUOUS, rtol=0.0, atol=2e-6)
+    assert any("wraps at 4096" in note for note in notes)
+
+
+def test_the_feed_as_angle_of_its_motor(tmp_path: Path) -> None:
+    motor = 2.5 * Z / 10.0  # turns of the motor: screw 10 mm, gear ratio 2.5
+    ticks = 2.0**20 * motor
+    for unit, values, counts in (("rev", motor, None), ("deg", 360.0 * motor, None), ("count", ticks, 2.0**20)):
+        path = write(tmp_path / "log.csv", revs=REVS, motor=values)
+        signals = Signals(screw_lead=0.010, gear_ratio=2.5, position_counts_per_turn=counts)
+        pitch, notes = read(path, ColumnChoice("revs", "motor", position_unit=unit), signals)
+        np.testing.assert_allclose(pitch, CONTINUOUS, rtol=0.0, atol=1e-12)
+        assert any("screw lead 10 mm, gear ratio 2.5" in note for note in notes)
+    path = write(tmp_path / "log.csv", revs=REVS, motor=np.floor(2.0**20 * motor) % 65536.0)
+    signals = Signals(screw_lead=0.010, gear_ratio=2.5, position_counts_per_turn=2.0**20, position_wrap=65536.0)
+    pitch, _ = read(path, ColumnChoice("revs", "motor", position_unit="count"), signals)
+    np.testing.assert_allclose(pitch, CONTINUOUS, rtol=0.0, atol=1e-8)
+
+
+def test_a_latency_is_taken_away_and_can_be_estimated(tmp_path: Path) -> None:
+    late = np.interp(TIME - 0.004, TIME, 1.5 * REVS)
+    path = write(tmp_path / "log.csv", time_s=TIME, revs=REVS, z_mm=late)
+    choice = ColumnChoice("revs", "z_mm")
+    uncorrected, _ = read(path, choice)
+    assert abs(uncorrected[1:-1] - 1.5e-3).max() > 3e-6
+    for latency in (0.004, math.nan):
+        pitch, notes = read(path, choice, Signals(latency=latency))
+        assert abs(pitch[1:-1] - 1.5e-3).max() < 1e-7
+        assert any("4 ms later" in note or "3.99" in note or "4.00" in note for note in notes)
+    even = write(tmp_path / "even.csv", time_s=TIME, revs=8.0 * TIME, z_mm=12.0 * TIME)
+    with pytest.raises(TraceError, match="the spindle's speed does not vary; give it as a number"):
+        read(even, choice, Signals(latency=math.nan))
+    without = write(tmp_path / "without.csv", revs=REVS, z_mm=Z)
+    with pytest.raises(TraceError, match="a latency needs the time of the samples"):
+        read(without, choice, Signals(latency=0.001))
+
+
+def test_missing_and_repeated_samples_are_listed(tmp_path: Path) -> None:
+    kept = np.sort(np.concatenate([np.delete(np.arange(3000), slice(700, 705)), [100, 100, 2000]]))
+    path = write(tmp_path / "log.csv", time_s=TIME[kept], revs=REVS[kept], z_mm=Z[kept])
+    pitch, notes = read(path, ColumnChoice("revs", "z_mm"))
+    np.testing.assert_allclose(pitch, CONTINUOUS, rtol=0.0, atol=1e-7)
+    assert "3 samples are there twice: left out" in notes
+    assert any(note.startswith("samples are missing in 1 places, 0.006 s at most") for note in notes)
+
+
+def test_outliers_are_mended_and_a_stuck_sensor_is_named(tmp_path: Path) -> None:
+    spoiled = Z.copy()
+    spoiled[[500, 1250, 1251 + 500]] += (3.0, -0.2, 0.05)
+    path = write(tmp_path / "log.csv", revs=REVS, z_mm=spoiled)
+    pitch, notes = read(path, ColumnChoice("revs", "z_mm"), Signals(outlier=0.02e-3))
+    np.testing.assert_allclose(pitch, CONTINUOUS, rtol=0.0, atol=1e-8)
+    assert "3 positions stuck out by more than 0.02 mm: put between their neighbours" in notes
+    path = write(tmp_path / "stuck.csv", revs=REVS, z_mm=np.where(TIME > 1.5, Z[1500], Z))
+    _, notes = read(path, ColumnChoice("revs", "z_mm"))
+    assert notes[-1].startswith("the position does not move in 12 turns, the first of them 13")
+
+
+def test_a_reversal_is_named_where_it_stands_in_the_file(tmp_path: Path) -> None:
+    """The angle ends below its beginning, but it was not turned around for that."""
+    revs = np.concatenate([np.arange(0.0, 3.0, 0.1), np.arange(3.0, -4.0, -0.1)])
+    with pytest.raises(TraceError, match=r"log\.csv:33: the spindle turns back from 3\.0000 to 2\.9000 turns"):
+        read(write(tmp_path / "log.csv", revs=revs, z_mm=np.arange(100.0)), ColumnChoice("revs", "z_mm"))
+
+
+@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(block=st.integers(20, 9000))
+def test_a_log_in_pieces_gives_the_bits_of_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                     block: int) -> None:
+    path = write(tmp_path / "log.csv", time=TIME, angle=COUNTS % 65536.0, z=-Z,
+                 group=np.where(TIME < 0.1, 0.0, np.where(TIME < 1.5, 1.0, 2.0)))
+    choice = ColumnChoice("angle", "z", "count", "mm", "group", counts_per_turn=4096.0)
+    whole = pitch_tables(path, choice, (0.0, 1.0))
+    monkeypatch.setattr(text_rows, "BLOCK", block)
+    pieces = stream_pitches(path, choice, (0.0, 1.0))
+    assert [one.label for one in pieces] == [one.label for one in whole]
+    for one, other in zip(pieces, whole, strict=True):
+        np.testing.assert_array_equal(one.table.pitch, other.table.pitch)
+        assert one.table.notes == other.table.notes
+
+
+@pytest.mark.parametrize(("signals", "message"), [
+    ({"screw_lead": -1.0}, "screw lead is -1.0; give a positive number"),
+    ({"gear_ratio": 0.0}, "gear ratio is 0.0; give a positive number"),
+    ({"angle_wrap": -1.0}, "angle wrap is -1.0; give the period"),
+    ({"position_wrap": math.inf}, "position wrap is inf; give the period"),
+])
+def test_signals_that_cannot_be_are_refused(signals: dict[str, float], message: str) -> None:
+    with pytest.raises(TraceError, match=message):
+        Signals(**signals)

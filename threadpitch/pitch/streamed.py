@@ -1,0 +1,144 @@
+"""P(n) of logs that may be larger than memory: every piece is forgotten when the next one comes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+from numpy.typing import ArrayLike
+
+from threadpitch.pitch.stored import Stored, grid, stored
+from threadpitch.pitch.stream import PitchStream
+from threadpitch.pitch.table import PitchTable
+from threadpitch.trace import (
+    TURN,
+    ColumnChoice,
+    Group,
+    Piece,
+    Signals,
+    TraceError,
+    read_pieces,
+    reversal_limit,
+    time_fault,
+)
+
+_Item = TypeVar("_Item")
+
+
+@dataclass(frozen=True, eq=False)
+class StreamedPitch:
+    """The pitches of one group of a log."""
+
+    label: str
+    table: PitchTable
+    stored: Stored | None = None
+
+
+class GroupStream:
+    """A group of a log while its pieces come: what ``Trace`` checks of a whole group, and a ``PitchStream``."""
+
+    def __init__(self, group: Group, start_angles: ArrayLike | None, interval: float | None = None) -> None:
+        self.group = group
+        self._asked, self._interval = start_angles, interval
+        self._factor = 1.0
+        if interval is not None:
+            start_angles, self._factor = grid(interval)
+        self._label = f"{group.source}, group {group.label!r}"
+        limit = self._factor * reversal_limit(group.resolution)
+        self.pitches = PitchStream(start_angles, limit=limit, label=self._label, source=group.source)
+        self._time = -math.inf  # of the last sample
+        self._ends = [math.nan, math.nan]  # first and last angle
+
+    def add(self, piece: Piece) -> None:
+        """The next samples.
+
+        Raises:
+            TraceError: with the line: time that runs back, NaN, a reversal of the spindle.
+            PitchError: more turns than the samples can hold.
+        """
+        if piece.time is not None and piece.time.size:
+            fault = time_fault(piece.time, self._time)
+            if fault is not None:
+                sample, text = fault
+                place = f"{self.group.source}:{piece.lines[sample]}" if piece.lines is not None else (
+                    f"{self._label}: sample {self.pitches.size + sample}")
+                raise TraceError(f"{place}: {text}")
+            self._time = float(piece.time[-1])
+        if piece.angle.size:
+            self._ends = [self._ends[0] if self.pitches.size else float(piece.angle[0]), float(piece.angle[-1])]
+        angle = piece.angle if self._factor == 1.0 else piece.angle * self._factor
+        self.pitches.add(angle, piece.position, piece.lines)
+
+    def result(self) -> StreamedPitch:
+        """The pitches of the whole group.
+
+        Raises:
+            TraceError: fewer than two samples, more turns than samples.
+            PitchError: less than one whole turn.
+        """
+        size = self.pitches.size
+        if size < 2:
+            raise TraceError(f"{self._label}: {size} samples; a pitch needs two and a whole turn between them")
+        turns = (self._ends[1] - self._ends[0]) / TURN
+        if turns > size:
+            raise TraceError(f"{self._label}: {turns:.0f} turns in {size} samples; is the unit of the angle really "
+                             f"{self.group.chosen.angle_unit}?")
+        table = self.pitches.final_table()
+        points = None
+        if self._interval is not None:
+            points = stored(table, self._interval)
+            beginning = ("the first stored positions are extrapolated",) if table.extrapolated.any() else ()
+            table = points.pitch_table((0.0,) if self._asked is None else self._asked)
+            table = replace(table, notes=(*table.notes, *beginning))
+        notes = tuple(note for note in (*self.group.all_notes(), *table.notes, table.standstill()) if note)
+        return StreamedPitch(self.group.label, replace(table, notes=notes), points)
+
+
+def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
+                   signals: Signals | None = None, *, interval: float | None = None,
+                   told: Callable[[int], None] | None = None) -> list[StreamedPitch]:
+    """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece.
+
+    With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``).
+
+    Raises:
+        TraceError: the log cannot be read (``read_groups``), or latency or outliers are to be mended, which
+            needs the whole.
+        PitchError: a group has less than one whole turn.
+    """
+    if signals is not None and signals.needs_the_whole:
+        raise TraceError("latency and outliers need the whole log in memory; use pitch_tables")
+    found: list[StreamedPitch] = []
+    now: GroupStream | None = None
+    with closing(read_pieces(path, choice, signals)) as pieces, closing(_read_ahead(pieces)) as ahead:
+        for group, piece in ahead:
+            if now is None or now.group is not group:
+                if now is not None:
+                    found.append(now.result())
+                now = GroupStream(group, start_angles, interval)
+            now.add(piece)
+            if told is not None:
+                told(piece.angle.size)
+    if now is not None:
+        found.append(now.result())
+    return found
+
+
+def _read_ahead(items: Iterable[_Item]) -> Generator[_Item]:
+    """The items, the next of which is read by a second thread meanwhile."""
+    source = iter(items)
+    done: list[_Item] = []  # an object that is no item
+
+    def following() -> _Item | list[_Item]:
+        return next(source, done)
+
+    with ThreadPoolExecutor(max_workers=1) as reader:
+        coming = reader.submit(following)
+        while (item := coming.result()) is not done:
+            coming = reader.submit(following)
+            yield item  # type: ignore[misc] # is not done

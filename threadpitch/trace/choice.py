@@ -1,0 +1,233 @@
+"""Which columns of a log are which: as they are named, or as their names and units tell."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from threadpitch import units
+from threadpitch.trace.recording import TraceError
+from threadpitch.trace.soundness import TURN
+
+_TIME_NAME = re.compile(r"(?:time|t|timestamps?|zeit)[\s_]*[\[(/]?\s*(s|ms|us|µs|μs|min|)\s*[\])]?", re.IGNORECASE)
+_BRACKETS = re.compile(r"(?P<name>.*\S)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*")
+_LAST_WORD = re.compile(r"(?P<name>.*?)\s*(?:_|\s/\s*|/)(?P<unit>[^_/\s]+)\s*")
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^\W\d_]+")
+_SHOWN = 40  # characters of a text from a file that a message shows
+_TIMES = {"s", "ms", "us", "min"}
+_ANGLES = {"rev", "deg", "rad", "count"}
+_LENGTHS = {"mm", "m", "um", "inch", "nm"}
+_SPELLINGS = {"°": "deg", "grad": "deg", "degree": "deg", "degrees": "deg", "revs": "rev", "revolutions": "rev",
+              "turn": "rev", "turns": "rev", "u": "rev", "umdr": "rev", "counts": "count", "inc": "count",
+              "incr": "count", "increments": "count", "ticks": "count", "µm": "um", "μm": "um", "in": "inch",
+              "inches": "inch", "µs": "us", "μs": "us", "sec": "s"}
+# What a column's words speak for; the highest sum is taken.
+_ANGLE_WORDS = {"angle": 4, "theta": 4, "phi": 4, "winkel": 4, "revs": 4, "rev": 4, "revolutions": 4, "turns": 4,
+                "rotation": 3, "spindle": 3, "spindel": 3, "s1": 2, "sp1": 2, "encoder": 2, "count": 1, "counts": 1,
+                "actual": 1, "act": 1, "ist": 1, "fb": 1}
+_POSITION_WORDS = {"z": 4, "xi": 4, "feed": 3, "position": 2, "pos": 2, "vorschub": 3, "axis": 1, "z1": 4, "fb": 1,
+                   "actual": 1, "act": 1, "ist": 1, "scale": 1, "mm": 1, "tool": 1}
+_OTHER_WORDS = {"speed": 9, "velocity": 9, "vel": 9, "rps": 9, "rpm": 9, "drehzahl": 9, "torque": 9, "current": 9,
+                "error": 9, "lag": 9, "deviation": 9, "index": 9, "enable": 9, "at": 3, "temperature": 9, "force": 9,
+                "cmd": 2, "command": 2, "commanded": 2, "soll": 2, "target": 2, "true": 1, "load": 9, "start": 9}
+_GROUP_WORDS = {"pass": 4, "passes": 4, "threading": 3, "group": 3, "cut": 2, "gewinde": 2}
+
+
+@dataclass(frozen=True)
+class ColumnChoice:
+    """Which columns of a log are which, and their units; names as in the header, or numbers from 1.
+
+    Without ``angle`` or ``position`` they are found by their names and units, and then ``group`` too. Units that are
+    not given are those of the header (``Z [mm]``, ``z_mm``), else rev and mm. ``angle_unit``: rev, deg, rad, or count,
+    which needs ``counts_per_turn``. Without ``group`` all rows are one group, called 1. Without ``time`` a column that
+    is called time or t, with or without its unit, is taken.
+
+    Raises:
+        TraceError: a unit is not known or does not fit; ``counts_per_turn`` is missing or not positive.
+    """
+
+    angle: str | None = None
+    position: str | None = None
+    angle_unit: str | None = None
+    position_unit: str | None = None
+    group: str | None = None
+    time: str | None = None
+    counts_per_turn: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.counts_per_turn is not None and not 0.0 < self.counts_per_turn < float("inf"):
+            raise TraceError(f"counts per turn is {self.counts_per_turn}; give a positive number")
+        if self.angle_unit is not None:
+            angle_factor(self.angle_unit, self.counts_per_turn)
+        if self.position_unit is not None and self.position_unit not in _ANGLES:  # those are of a motor, with a lead
+            position_factor(self.position_unit)
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The columns of a log by index, with their units, and how they were found."""
+
+    angle: int
+    position: int
+    group: int | None
+    time: int | None
+    angle_unit: str
+    position_unit: str
+    time_unit: str
+    counts_per_turn: float | None
+    notes: tuple[str, ...] = ()
+    time_is_guessed: bool = False
+
+    @property
+    def angle_factor(self) -> float:
+        """``rad = factor * value``."""
+        return angle_factor(self.angle_unit, self.counts_per_turn)
+
+    @property
+    def position_factor(self) -> float:
+        """``m = factor * value``."""
+        return position_factor(self.position_unit)
+
+    @property
+    def time_factor(self) -> float:
+        """``s = factor * value``."""
+        return units.to_si(1.0, self.time_unit)
+
+
+def angle_factor(unit: str, counts_per_turn: float | None) -> float:
+    """``rad = factor * value``.
+
+    Raises:
+        TraceError: the unit is none of an angle, or is count without the counts per turn.
+    """
+    if unit != "count":
+        return _factor(unit, "rad", "angle; known are rev, deg, rad and count")
+    if counts_per_turn is None:
+        raise TraceError("the angle unit count needs the counts per turn (lines of the encoder times 4)")
+    return TURN / counts_per_turn
+
+
+def position_factor(unit: str) -> float:
+    """``m = factor * value``.
+
+    Raises:
+        TraceError: the unit is none of a length.
+    """
+    return _factor(unit, "m", "position; known are mm, m, um and inch")
+
+
+def brief(text: str) -> str:
+    """Text of a file as a message shows it: quoted, control characters escaped, not longer than a line."""
+    return repr(text if len(text) <= _SHOWN else text[:_SHOWN] + "...")
+
+
+def choose(place: str, header: Sequence[str], choice: ColumnChoice, stated: Sequence[str] = ()) -> Chosen:
+    """The columns of a log with this header; ``stated``: units that the file gives beside the names, "" for none.
+
+    Raises:
+        TraceError: a column is not there, or more than once, or cannot be told from the others.
+    """
+    names = [name.strip() for name in header]
+    found = [unit_of(name) for name in names]
+    told = [_known(own) or unit for own, unit in zip(stated or [""] * len(names), found, strict=True)]
+    notes: list[str] = []
+    guess = choice.angle is None or choice.position is None
+    angle = _named_or_guessed(place, names, told, choice.angle, "angle")
+    position = _named_or_guessed(place, names, told, choice.position, "position")
+    group = None if choice.group is None else _index(place, names, choice.group)
+    if guess and group is None:
+        group = _guess_group(names)
+    angle_unit = choice.angle_unit or (told[angle] if told[angle] in _ANGLES else "rev")
+    if angle_unit == "count" and choice.counts_per_turn is None:
+        raise TraceError(f"{place}: the angle in column {brief(names[angle])} is counts; give the counts per turn "
+                         "(lines of the encoder times 4)")
+    position_unit = choice.position_unit or (told[position] if told[position] in _LENGTHS | _ANGLES else "mm")
+    time = next((i for i, name in enumerate(names) if _TIME_NAME.fullmatch(name)), None)
+    time_is_guessed = choice.time is None
+    if choice.time is not None:
+        time = _index(place, names, choice.time)
+    if guess:
+        notes.append(f"columns by their names: angle {brief(names[angle])} in {angle_unit}, position "
+                     f"{brief(names[position])} in {position_unit}"
+                     + (f", passes by {brief(names[group])}" if group is not None else ""))
+    time_unit = told[time] if time is not None and told[time] in _TIMES else "s"
+    return Chosen(angle, position, group, time, angle_unit, position_unit, time_unit, choice.counts_per_turn,
+                  tuple(notes), time_is_guessed)
+
+
+def unit_of(name: str) -> str:
+    """The unit that the name of a column ends with: ``Z [mm]``, ``z (mm)``, ``z/mm``, ``z_mm``; "" for none."""
+    match = _TIME_NAME.fullmatch(name)
+    if match is not None:
+        return _known(match[1])
+    for pattern in (_BRACKETS, _LAST_WORD):
+        match = pattern.fullmatch(name)
+        if match is not None and _known(match["unit"]):
+            return _known(match["unit"])
+    words = [word.casefold() for word in _WORD.findall(name)]
+    return next((_known(word) for word in words if word in {"revs", "rev", "turns", "revolutions", "counts"}), "")
+
+
+def _known(unit: str) -> str:
+    unit = unit.strip()
+    for spelling in (unit, unit.casefold()):
+        spelling = _SPELLINGS.get(spelling, spelling)
+        if spelling in _ANGLES | _LENGTHS | _TIMES:
+            return spelling
+    return ""
+
+
+def _factor(name: str, target: str, wanted: str) -> float:
+    try:
+        return units.conversion(name, target)[0]
+    except units.UnitError:
+        raise TraceError(f"{brief(name)} is not a unit of the {wanted}") from None
+
+
+def _named_or_guessed(place: str, names: list[str], told: list[str], name: str | None, quantity: str) -> int:
+    if name is not None:
+        return _index(place, names, name)
+    wanted, of_quantity = ((_ANGLE_WORDS, _ANGLES) if quantity == "angle" else (_POSITION_WORDS, _LENGTHS))
+    scores = [_score(other, wanted) + _unit_score(unit, of_quantity) for other, unit in zip(names, told, strict=True)]
+    best = max(scores, default=0)
+    equal = [i for i, score in enumerate(scores) if score == best]
+    option = f"--{quantity} COLUMN"
+    if best < 3:
+        raise TraceError(f"{place}: no column is called like the {quantity}; choose one with {option} out of "
+                         f"{', '.join(map(brief, names[:12]))}")
+    if len(equal) > 1:
+        raise TraceError(f"{place}: the {quantity} may be column {' or '.join(brief(names[i]) for i in equal[:4])}; "
+                         f"choose with {option}")
+    return equal[0]
+
+
+def _score(name: str, wanted: Mapping[str, int]) -> int:
+    words = {word.casefold() for word in _WORD.findall(name)} | {name.casefold()}
+    return sum(wanted.get(word, 0) - _OTHER_WORDS.get(word, 0) for word in words)
+
+
+def _unit_score(unit: str, of_quantity: set[str]) -> int:
+    if unit in of_quantity:
+        return 2
+    return -5 if unit else 0
+
+
+def _guess_group(names: list[str]) -> int | None:
+    scores = [_score(name, _GROUP_WORDS) for name in names]
+    best = max(scores, default=0)
+    return scores.index(best) if best >= 3 and scores.count(best) == 1 else None
+
+
+def _index(place: str, names: list[str], name: str) -> int:
+    found = [i for i, other in enumerate(names) if other == name.strip()]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise TraceError(f"{place}: column {brief(name)} is there {len(found)} times; give every column a name of its "
+                         "own")
+    if name.isascii() and name.isdigit() and 1 <= int(name) <= len(names):
+        return int(name) - 1
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.4) or names[:12]
+    raise TraceError(f"{place}: there is no column {brief(name)}; nearest are {', '.join(map(brief, near))}")

@@ -1,0 +1,72 @@
+"""Lines of a text while it is written: every line as soon as its end is there."""
+
+from __future__ import annotations
+
+import codecs
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+from threadpitch.trace.recording import TraceError
+from threadpitch.trace.text_rows import LONGEST_LINE, STANDARD_INPUT
+
+_POLL = 0.002  # s, between two looks at a file that did not grow
+_BYTES = 1 << 16  # that are read at once
+_HEAD = 4  # lines that must be there before the first are handed on: names, units, and rows for the decimal sign
+
+
+def live_lines(path: Path, idle: float) -> Iterator[list[str]]:
+    """Whole lines in the order in which they come; without the end of a line that never came.
+
+    Raises:
+        TraceError: the file is missing or became shorter, or holds a gigantic line or zero bytes.
+    """
+    decoder = codecs.getincrementaldecoder("utf-8-sig")(errors="replace")
+    waiting: list[str] = []  # lines before the head is whole
+    rest, count = "", 0
+    for data in _bytes_of(path, idle):
+        text = rest + decoder.decode(data)
+        *lines, rest = text.split("\n")
+        count += len(lines)
+        if len(rest) >= LONGEST_LINE or any(len(line) >= LONGEST_LINE for line in lines):
+            raise TraceError(f"{path}:{count + 1}: a line of more than {LONGEST_LINE} characters; give a text log with "
+                             "one row per sample")
+        if "\0" in text:
+            raise TraceError(f"{path}:{count + 1}: a zero byte in the text; is this a text log?")
+        lines = [line.rstrip("\r") for line in lines]
+        if count < _HEAD:
+            waiting += lines
+            continue
+        if waiting or lines:
+            yield [*waiting, *lines]
+            waiting = []
+    if waiting or rest.strip():
+        yield [*waiting, rest]
+
+
+def _bytes_of(path: Path, idle: float) -> Iterator[bytes]:
+    """Bytes as they come, never empty."""
+    with ExitStack() as stack:
+        growing = str(path) != STANDARD_INPUT
+        try:
+            file = stack.enter_context(open(path, "rb", buffering=0)).fileno() if growing else sys.stdin.fileno()
+        except FileNotFoundError:
+            raise TraceError(f"{path}: there is no such file; start the recording first") from None
+        except OSError as error:
+            raise TraceError(f"{path}: cannot be read ({error.strerror or error})") from None
+        last = time.monotonic()
+        read = 0
+        while True:
+            data = os.read(file, _BYTES)
+            if data:
+                last, read = time.monotonic(), read + len(data)
+                yield data
+            elif not growing or time.monotonic() - last > idle:
+                return
+            elif os.fstat(file).st_size < read:
+                raise TraceError(f"{path}: the file became shorter while it was watched; start again")
+            else:
+                time.sleep(_POLL)

@@ -1,0 +1,80 @@
+"""Logs of machines in any format -> the ``Trace`` of every group."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Protocol
+
+from threadpitch.trace.array_files import array_format, array_log
+from threadpitch.trace.choice import Chosen, ColumnChoice
+from threadpitch.trace.csv_log import TextLog
+from threadpitch.trace.groups import Group, Piece, grouped, traces
+from threadpitch.trace.live import live_lines
+from threadpitch.trace.recording import Trace
+from threadpitch.trace.signals import Signals
+from threadpitch.trace.text_rows import STANDARD_INPUT, rows_of, rows_of_lines
+
+
+class Log(Protocol):
+    """A file whose columns are chosen, and its pieces, which can be read once."""
+
+    source: str
+    chosen: Chosen
+
+    def pieces(self) -> Iterator[Piece]:
+        """Neighbouring samples of one group, one piece after the other."""
+
+    def close(self) -> None:
+        """Close the file."""
+
+
+def open_log(path: Path, choice: ColumnChoice) -> Log:
+    """The log in a file, by what it begins with; ``-`` is the text on standard input.
+
+    Raises:
+        TraceError: whatever keeps the file from being read, a column that is not there or cannot be told.
+    """
+    name = "" if str(path) == STANDARD_INPUT else array_format(path)
+    return array_log(path, name, choice) if name else TextLog(str(path), rows_of(path), choice)
+
+
+def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) \
+        -> Generator[tuple[Group, Piece]]:
+    """The samples of a log piece by piece, rad, m and s, each with its group; nothing of them is kept.
+
+    Raises:
+        TraceError: as ``read_groups``, but for what needs a whole group: the turning of the spindle.
+    """
+    with closing(open_log(Path(path), choice)) as log:
+        yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
+
+
+def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = None, *, idle: float = math.inf) \
+        -> Iterator[tuple[Group, Piece]]:
+    """``read_pieces`` of a text log that still grows, every line as soon as it is there; ``-`` is standard input.
+
+    It ends with standard input, and with a file when that has not grown for ``idle`` seconds.
+
+    Raises:
+        TraceError: as ``read_pieces``; the file became shorter.
+    """
+    with closing(TextLog(str(path), rows_of_lines(live_lines(path, idle), str(path)), choice)) as log:
+        yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
+
+
+def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) -> list[Trace]:
+    """The groups of a log, in the order of the file; ``Trace.name`` is the group's value.
+
+    Rows whose group value is 0, empty or false are not threading and are left out. A group is a stretch of such rows
+    with one value; where a value comes again after other rows, a new group begins (a flag that is true in every pass),
+    called ``true (2)``. Angle and time may restart with every group. An angle that counts down in a group is turned
+    around, which ``Trace.notes`` says; start angles then count in the turning direction too.
+
+    Raises:
+        TraceError: with file and line: whatever keeps the file from being read, a column that is not there, text or
+            NaN in a number, rows of unequal length, no threading row, and all that ``Trace`` refuses.
+    """
+    return list(traces(read_pieces(path, choice, signals)))

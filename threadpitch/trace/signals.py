@@ -1,0 +1,227 @@
+"""Signals as machines give them -> continuous angle and position; what was done is listed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from threadpitch.compiled import compiled
+from threadpitch.trace.choice import Chosen, angle_factor, position_factor
+from threadpitch.trace.recording import TraceError
+from threadpitch.trace.soundness import TURN, FloatArray
+
+NEVER = 0.0  # as a period: the signal does not wrap
+_COUNTERS = tuple(2.0**bits for bits in range(12, 33))  # counts, of encoders whose counter overflows
+_LEAST_JUMP = 0.5  # of a period; a signal that moves further in a sample cannot be made continuous
+_USUAL = 1000  # samples by which the usual interval of time is told
+_GAP = 1.5  # usual intervals
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What the two signals are, beyond their units.
+
+    ``angle_wrap``: period of a wrapped angle in its own unit (360 for degrees, 65536 for a counter of 16 bits, the
+    counts per turn for a count that the index resets); None = found by itself, 0 = never. ``position_wrap``: the same
+    of the position, 0 = never. With ``screw_lead`` (m) the position is the angle of a motor, in rev, deg, rad or
+    count (``position_counts_per_turn``): xi = screw_lead theta' / (360 gear_ratio), gear_ratio the motor's turns per
+    turn of the screw. ``latency`` (s): the position was recorded so much later than the angle; NaN = estimate it.
+    ``outlier`` (m): a single position that is farther than that from the line between its neighbours is put on it.
+
+    Raises:
+        TraceError: a number is not finite, or not positive where it must be.
+    """
+
+    angle_wrap: float | None = None
+    position_wrap: float = NEVER
+    screw_lead: float | None = None
+    gear_ratio: float = 1.0
+    position_counts_per_turn: float | None = None
+    latency: float = 0.0
+    outlier: float | None = None
+
+    def __post_init__(self) -> None:
+        positive = {"screw lead": self.screw_lead, "gear ratio": self.gear_ratio,
+                    "position counts per turn": self.position_counts_per_turn, "outlier limit": self.outlier}
+        for name, value in positive.items():
+            if value is not None and not 0.0 < value < math.inf:
+                raise TraceError(f"{name} is {value}; give a positive number")
+        for name, value in {"angle wrap": self.angle_wrap, "position wrap": self.position_wrap}.items():
+            if value is not None and not 0.0 <= value < math.inf:
+                raise TraceError(f"{name} is {value}; give the period in the signal's unit, or 0 for none")
+
+    @property
+    def needs_the_whole(self) -> bool:
+        """What is asked for cannot be done piece by piece."""
+        return self.latency != 0.0 or self.outlier is not None
+
+    def position_factor(self, unit: str) -> float:
+        """``m = factor * value``."""
+        if self.screw_lead is None:
+            return position_factor(unit)
+        try:
+            motor = angle_factor(unit, self.position_counts_per_turn)
+        except TraceError:
+            if unit == "count":
+                raise TraceError("the position is counts of the motor; give its counts per turn") from None
+            raise TraceError(f"{unit!r} is not a unit of the motor's angle; with a screw lead the position is in rev, "
+                             "deg, rad or count") from None
+        return motor * self.screw_lead / (TURN * self.gear_ratio)
+
+    def notes(self, chosen: Chosen) -> list[str]:
+        """What is done to every group alike."""
+        if self.screw_lead is None:
+            return []
+        gear = f", gear ratio {self.gear_ratio:g}" if self.gear_ratio != 1.0 else ""
+        return [f"the position is the motor's angle in {chosen.position_unit} times the screw lead "
+                f"{1e3 * self.screw_lead:g} mm{gear}"]
+
+
+@dataclass
+class Continuous:
+    """Makes a wrapped signal continuous, piece by piece: each step is the nearest one modulo the period."""
+
+    name: str
+    period: float | None  # None = to be found
+    turn: float  # one turn in the signal's unit; inf for a length
+    counts: bool = False
+    _lowest: float = math.inf
+    _highest: float = -math.inf
+    _last: float | None = None
+    _offset: float = 0.0  # periods
+    wraps: int = 0
+
+    def add(self, values: FloatArray) -> FloatArray:
+        """The next values (samples,), continuous with those before."""
+        if self.period == NEVER or values.size == 0:
+            return values
+        first = float(values[0]) if self._last is None else self._last
+        jump, lowest, highest = _until_a_jump(values, first, _LEAST_JUMP * (self.period or self.turn))
+        if not math.isfinite(lowest) or not math.isfinite(highest):
+            return values  # the trace refuses what is not finite
+        self._last = float(values[-1])
+        if self.period is None:
+            self._lowest, self._highest = min(self._lowest, lowest), max(self._highest, highest)
+            if jump < values.size:
+                self._find(abs(float(values[jump] - (values[jump - 1] if jump else first))))
+        if self.period is None or self.period == NEVER or (jump == values.size and self._offset == 0.0):
+            return values
+        periods = -np.rint(np.diff(values, prepend=first) / self.period)
+        self.wraps += int(np.count_nonzero(periods))
+        offsets = self._offset + np.cumsum(periods)
+        self._offset = float(offsets[-1])
+        return values + self.period * offsets
+
+    def note(self) -> str:
+        """What was done; empty for nothing."""
+        if not self.wraps or self.period is None:
+            return ""
+        return f"the {self.name} wraps at {self.period:g}: made continuous over {self.wraps} wraps"
+
+    def _find(self, jump: float) -> None:
+        """A period is that of a wrapped signal when all values up to the first jump lie in it."""
+        for period in (self.turn, *(_COUNTERS if self.counts else ())):
+            centred = -0.5 * period <= self._lowest and self._highest <= 0.5 * period
+            above_zero = self._lowest >= 0.0 and self._highest <= period
+            if (centred or above_zero) and _LEAST_JUMP * period < jump <= period:
+                self.period = period
+                return
+        self.period = NEVER
+
+
+@compiled(nogil=True)
+def _until_a_jump(values: FloatArray, before: float, least: float) -> tuple[int, float, float]:
+    """(first sample that is farther than ``least`` from the one before, lowest and highest up to there)."""
+    lowest, highest = values[0], values[0]
+    for i in range(values.size):
+        if not abs(values[i] - before) <= least:
+            return i, min(lowest, values[i]), max(highest, values[i])
+        lowest, highest, before = min(lowest, values[i]), max(highest, values[i]), values[i]
+    return values.size, lowest, highest
+
+
+@dataclass
+class Clock:
+    """Counts missing samples, and finds those that are there twice (equal time, angle and position)."""
+
+    duplicates: int = 0
+    gaps: int = 0
+    longest: float = 0.0
+    _last: tuple[float, float, float] | None = None
+    _intervals: list[float] = field(default_factory=list)
+    _usual: float = 0.0
+
+    def add(self, time: FloatArray, angle: FloatArray, position: FloatArray) -> FloatArray | None:
+        """Which samples are kept (samples,) as True; None for all."""
+        if time.size == 0:
+            return None
+        last = self._last or (-math.inf, 0.0, 0.0)
+        self._last = float(time[-1]), float(angle[-1]), float(position[-1])
+        steps = np.diff(time, prepend=last[0])
+        self._count_gaps(steps[np.isfinite(steps) & (steps > 0.0)])
+        twice = steps == 0.0
+        if not twice.any():
+            return None
+        twice &= (np.diff(angle, prepend=last[1]) == 0.0) & (np.diff(position, prepend=last[2]) == 0.0)
+        self.duplicates += int(np.count_nonzero(twice))
+        return np.asarray(~twice)
+
+    def notes(self) -> list[str]:
+        """What was found."""
+        found = []
+        if self.duplicates:
+            found.append(f"{self.duplicates} samples are there twice: left out")
+        if self.gaps:
+            found.append(f"samples are missing in {self.gaps} places, {self.longest:.4g} s at most: crossings in there "
+                         "are interpolated over them")
+        return found
+
+    def _count_gaps(self, steps: FloatArray) -> None:
+        if len(self._intervals) < _USUAL:
+            self._intervals += steps[: _USUAL - len(self._intervals)].tolist()
+            self._usual = float(np.median(self._intervals)) if self._intervals else 0.0
+        long = steps[steps > _GAP * self._usual] if self._usual > 0.0 else steps[:0]
+        self.gaps += long.size
+        self.longest = max(self.longest, float(long.max(initial=0.0)))
+
+
+def without_outliers(position: FloatArray, limit: float) -> tuple[FloatArray, int]:
+    """(the positions (samples,) m with single samples that stick out put between their neighbours, how many).
+
+    A neighbour of an outlier departs from its own neighbours by half as much: only the farthest one is moved.
+    """
+    middle = 0.5 * (position[:-2] + position[2:])
+    out = np.abs(position[1:-1] - middle)
+    farthest = out >= np.maximum(np.concatenate(([0.0], out[:-1])), np.concatenate((out[1:], [0.0])))
+    places = np.flatnonzero((out > limit) & farthest) + 1
+    if not places.size:
+        return position, 0
+    mended = position.copy()
+    mended[places] = middle[places - 1]
+    return mended, int(places.size)
+
+
+def estimated_latency(time: FloatArray, angle: FloatArray, position: FloatArray) -> float:
+    """tau of ``xi(t) = a + b theta(t - tau)``, s, by least squares on 1, theta and the spindle's speed.
+
+    A feed that follows its command late looks the same: tau holds both.
+
+    Raises:
+        TraceError: the spindle's speed does not vary enough to tell.
+    """
+    speed = np.gradient(angle, time)
+    width = max(3, angle.size // 200)
+    smooth = np.convolve(speed, np.ones(width) / width, mode="valid")
+    inner = slice(width // 2, width // 2 + smooth.size)
+    if smooth.std() < 1e-4 * abs(smooth.mean()):
+        raise TraceError("the latency cannot be estimated: the spindle's speed does not vary; give it as a number")
+    matrix = np.column_stack([np.ones(smooth.size), angle[inner] - angle[0], smooth - smooth.mean()])
+    (_, per_angle, per_speed), *_ = np.linalg.lstsq(matrix, position[inner] - position[0], rcond=None)
+    return float(-per_speed / per_angle) if per_angle != 0.0 else 0.0
+
+
+def without_latency(time: FloatArray, position: FloatArray, latency: float) -> FloatArray:
+    """The position at the instants of the angle: xi(t) = recorded(t + latency), interpolated linearly."""
+    return np.interp(time + latency, time, position)
