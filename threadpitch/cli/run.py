@@ -91,8 +91,9 @@ def run(
             return lathe.simulate(
                 system, parameters={**machine, **words, **values}, start_angles=angles, step_size=step_size,
                 flavor=flavor, stop_time=enough if stop_time is None else stop_time, record=record,
-                record_every=record_every, record_on=record_on or (), results=results, checkpoint=checkpoint, checkpoint_every=checkpoint_every,
-                replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
+                record_every=record_every, record_on=record_on or (), results=results,
+                checkpoint=checkpoint, checkpoint_every=checkpoint_every, replace=replaced,
+                isolate=isolate == ["all"] or isolate or False, progress=told)
 
     if program is None:
         simulation = simulated(output, {}, None if chosen is None else chosen.stop_time)
