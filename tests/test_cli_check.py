@@ -62,7 +62,8 @@ def test_the_shipped_lathe_is_sound(threadpitch: Command, workplace: Path) -> No
     done = threadpitch("check")
     assert (done.status, done.err) == (0, "")
     for text in ("| z_drive", "FeedDrive.fmu", "state, saved state", "spindle.encoder_angle [rad]",
-                 "cut: of the step before", "order: spindle -> controller -> z_drive -> x_drive -> ", "nominal_pitch -> actual_pitch\n",
+                 "cut: of the step before", "order: spindle -> controller -> z_drive -> x_drive -> ",
+                 "nominal_pitch -> actual_pitch\n",
                  "feed each other: spindle, controller, z_drive, x_drive", "no loop of direct feedthrough"):
         assert text in done.out
     assert list(workplace.iterdir()) == []
