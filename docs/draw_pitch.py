@@ -11,7 +11,7 @@ import matplotlib as mpl
 mpl.use("svg")
 import matplotlib.pyplot as plt
 
-LABELS = {"nominal_pitch": "nominal: what the detectors saw", "actual_pitch": "actual: where the tool was"}
+LABELS = {"nominal_pitch": "nominal: what the detectors saw", "actual_pitch": "actual: where the groove is"}
 COLOURS = {"nominal_pitch": "#0b5cad", "actual_pitch": "#c2410c"}
 MARKERS = {"nominal_pitch": "o", "actual_pitch": "s"}
 
