@@ -39,6 +39,11 @@ def test_the_pitch_alone_is_enough_and_is_mm(tmp_path: Path) -> None:
     assert [one.turn, one.position, one.uncertainty, one.start_angle] == [None] * 4
 
 
+def test_a_decimal_comma_is_read_where_it_separates_nothing(tmp_path: Path) -> None:
+    one, = read_measured(written(tmp_path, "turn;pitch_mm\n1;1,5\n2;1,501\n"))
+    np.testing.assert_allclose(one.pitch, [1.5e-3, 1.501e-3])
+
+
 def test_units_may_stand_in_brackets(tmp_path: Path) -> None:
     one, = read_measured(written(tmp_path, "n,Pitch [um]\n1,1500\n"))
     assert one.pitch[0] == pytest.approx(1.5e-3)
@@ -57,7 +62,6 @@ def test_flanks_and_start_angles_are_threads_of_their_own(tmp_path: Path) -> Non
     ("pitch_mm,pitch_um\n1,2\n", r":1: columns 'pitch_mm' and 'pitch_um' both give the pitch"),
     ("turn,pitch_deg\n1,2\n", r":1: 'deg' is no unit of the pitch; write it like pitch_mm"),
     ("turn,pitch_mm\n1,abc\n", r":2: column 'pitch_mm' holds 'abc', not a number; mend this row"),
-    ("turn;pitch_mm\n1;1,5\n", r":2: column 'pitch_mm' holds '1,5', not a number; write the decimal sign as a point"),
     ("turn,pitch_mm\n1,1.5\n,1.5\n", r":3: column 'turn' is empty; only pitches may be missing"),
     ("turn,pitch_mm\n1,inf\n", r":2: column 'pitch_mm' holds 'inf'"),
     ("turn,pitch_mm\n", r"measured.csv: there are no rows below the header"),
