@@ -35,6 +35,7 @@ INPUTS = {
     "FeedDrive": ("position_command", 25e-6),  # m: 25 mm/s
     "PitchCalculator": ("spindle_angle", 0.05),  # rad: 500 rpm
     "SpindleDrive": ("speed_command", 0.005),  # rad/s
+    "ThreadCutting": ("spindle_angle", 0.05),
     "ThreadingController": ("spindle_angle", 0.05),
 }
 
