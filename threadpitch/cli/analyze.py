@@ -17,6 +17,7 @@ from threadpitch.cli.printing import counting, fail, print_json, printing
 from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch_table, pitch_tables, stream_pitches
 from threadpitch.tables import analysis_document, show_groups
 from threadpitch.trace import ColumnChoice, Signals
+from threadpitch.units import to_si
 
 CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 
@@ -90,5 +91,5 @@ def analyze(
         if as_json:
             print_json(analysis_document(groups) | findings_document(found))
         else:
-            show_groups(Console(), groups)
+            show_groups(Console(), groups, target=None if target is None else to_si(target, "mm"))
             show_findings(Console(), found)
