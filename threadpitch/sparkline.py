@@ -51,6 +51,13 @@ def sparkline(values: FloatArray, width: int, letters: Letters = PLAIN) -> str:
     return "".join(_letter(value, low, high, letters) for value in shown.tolist())
 
 
+def usual(values: FloatArray) -> BoolArray:
+    """(values,) which of them, all known, are not far outside of what the others do: six standard deviations."""
+    off = np.abs(values - np.median(values)) if values.size else values
+    spread = _NORMAL * float(np.median(off)) if values.size else 0.0
+    return np.asarray(off <= _FAR * spread) if spread > 0.0 else np.ones(values.shape, dtype=np.bool_)
+
+
 def deviation_lines(console: Console, table: PitchTable, target: float | None = None,
                     chosen: BoolArray | None = None) -> list[Text]:
     """A heading and one line per start angle: P(n) less the target, m (less their median where there is none), over n.
@@ -110,10 +117,7 @@ def _farthest(values: FloatArray, width: int) -> FloatArray:
 
 def _range(known: FloatArray) -> tuple[float, float]:
     """Least and greatest of the values that are not far outside."""
-    middle = float(np.median(known))
-    off = np.abs(known - middle)
-    spread = _NORMAL * float(np.median(off))
-    near = known[off <= _FAR * spread] if spread > 0.0 else known
+    near = known[usual(known)]
     return float(near.min()), float(near.max())
 
 
