@@ -43,12 +43,11 @@ PLAIN = Letters("_.,-=+*#", "v", "^")
 
 def sparkline(values: FloatArray, width: int, letters: Letters = PLAIN) -> str:
     """The values (turns,) from least to greatest as one character each, at most ``width``; NaN is a gap."""
-    shown = _farthest(values, width)
-    known = shown[~np.isnan(shown)]
+    known = values[~np.isnan(values)]
     if known.size == 0:
         return ""
     low, high = _range(known)
-    return "".join(_letter(value, low, high, letters) for value in shown.tolist())
+    return "".join(_letter(value, low, high, letters) for value in _farthest(values, width).tolist())
 
 
 def usual(values: FloatArray) -> BoolArray:

@@ -14,7 +14,7 @@ from threadpitch.report.content import Report, Thread
 from threadpitch.report.curves import Curve
 from threadpitch.report.drawing import TOOLS, Chart, Plot, TurnAxes, Words, quiet
 from threadpitch.report.polar import draw_polar
-from threadpitch.report.series import Style, series, threads
+from threadpitch.report.series import Style, recordings, series, threads
 from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
 
@@ -95,7 +95,8 @@ def _map(number: int, thread: Thread, *, within_turn: bool) -> Chart:
                          "stripes are a drunken thread, slanting ones repeat with another period than the turn.") \
         if within_turn else (f"map-{number}", "Deviation over angle and turn", "Deviation from the ideal line, every "
                              "row a turn: a row of another colour than its neighbours is a displaced turn.")
-    found = curves.error_map(thread, within_turn=within_turn)
+    samples, source = thread.truest
+    found = curves.error_map(thread, samples, within_turn=within_turn)
     if found is None:
         return Chart(name, title, text, None, note=_NOT_RECORDED)
     values = _um(found.values).astype(np.float32)
@@ -111,7 +112,7 @@ def _map(number: int, thread: Thread, *, within_turn: bool) -> Chart:
     made.add_tools(HoverTool(tooltips=[("angle [deg]", "$x{0}"), ("turn", "$y{0.0}"), ("[um]", "@image{0.000}")],
                              visible=False))
     more = f" {found.turns_a_row} turns share a row, which shows the farthest of them." if found.turns_a_row > 1 else ""
-    return Chart(name, title, f"{thread.name}: {text}{more}", quiet(made))
+    return Chart(name, title, f"{thread.name}, {source}: {text}{more}", quiet(made))
 
 
 def _movement(report: Report) -> Chart:
@@ -131,13 +132,15 @@ def _movement(report: Report) -> Chart:
 
 
 def _ideal(report: Report, axes: TurnAxes) -> Chart:
-    def deviation(thread: Thread) -> Curve | None:
-        found = curves.ideal_deviation(thread)
-        return None if found is None else Curve(found.x, _um(found.y))
-
-    return _samples_over_turns(report, Plot("turn n", "deviation [um]", axes), deviation, Words(
-        "ideal", "Deviation from the ideal line", "Where the feed is, less target times angle; 0 where the thread "
-        "proper begins.", _NOT_RECORDED))
+    plot = Plot("turn n", "deviation [um]", axes)
+    for thread, samples, name, style in recordings(report):
+        found = curves.ideal_deviation(thread, samples)
+        if found is not None:
+            deviation = Curve(found.x, _um(found.y))
+            plot.line(name, style, curves.decimated(deviation))
+            plot.see(curves.of_the_thread(thread, deviation))
+    return plot.chart(Words("ideal", "Deviation from the ideal line", "Where the feed and the groove are, less target "
+                            "times angle; 0 where the thread proper begins.", _NOT_RECORDED))
 
 
 def _speed(report: Report, axes: TurnAxes) -> Chart:
@@ -167,15 +170,14 @@ def _samples_over_turns(report: Report, plot: Plot, curve: Callable[[Thread], Cu
         found = curve(thread)
         if found is not None:
             plot.line(name, style, curves.decimated(found))
-            first, last = thread.first_and_last
-            plot.see(found.y[(found.x >= first - 1) & (found.x <= last)])
+            plot.see(curves.of_the_thread(thread, found))
     return plot.chart(words)
 
 
 def _spectrum(report: Report) -> Chart:
     plot = Plot("order [1/revolution]", "amplitude [um]")
-    for thread, name, style in threads(report):
-        found = curves.spectrum(thread)
+    for thread, samples, name, style in recordings(report):
+        found = curves.spectrum(thread, samples)
         if found is None:
             continue
         plot.line(name, style, curves.decimated(Curve(found.x, _um(found.y))))

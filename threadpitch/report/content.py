@@ -40,6 +40,7 @@ class Measured:
     name: str
     turn: FloatArray  # (turns,) numbered as the nominal table does
     pitch: FloatArray  # (turns,) m
+    uncertainty: float | None = None  # m, largest standard uncertainty of one pitch, where it is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,8 @@ class Thread:
     measured: tuple[Measured, ...] = ()
     verdict: Verdict | None = None
     tolerances: tuple[tuple[str, PitchConformity], ...] = ()  # (of what, how it keeps to its tolerance)
-    samples: Samples | None = None
+    samples: Samples | None = None  # of the detectors: what the control knows
+    groove: Samples | None = None  # of a simulated groove: what a measuring machine would find
     screw_lead: float | None = None  # m, of the feed's ball screw
     others: PassOverview | None = None  # the passes beside this one
     notes: tuple[str, ...] = ()  # what is missing, and why
@@ -65,6 +67,11 @@ class Thread:
     def deviation(self) -> FloatArray:
         """P(n) - target, (start_angles, revolutions) m."""
         return np.asarray(self.nominal.pitch - self.target)
+
+    @property
+    def truest(self) -> tuple[Samples | None, str]:
+        """The recording that is nearest to the real thread, and what it is of."""
+        return (self.samples, "by the detectors") if self.groove is None else (self.groove, "of the groove")
 
     @property
     def first_and_last(self) -> tuple[int, int]:
@@ -114,7 +121,8 @@ def laid_over(table: PitchTable, measured: Sequence[MeasuredThread]) -> tuple[Me
         angle = "" if one.start_angle is None else f"{360.0 * one.start_angle / TURN:.6g} deg"
         name = ", ".join(word for word in ("measured", one.flank, angle) if word)
         inside = (turn >= 1.0) & (turn <= table.pitch.shape[1])
-        found.append(Measured(name, turn[inside], one.pitch[inside]))
+        uncertainty = None if one.uncertainty is None else float(one.uncertainty.max())
+        found.append(Measured(name, turn[inside], one.pitch[inside], uncertainty))
     return tuple(found)
 
 

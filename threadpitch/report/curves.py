@@ -53,18 +53,17 @@ def cumulative(thread: Thread) -> FloatArray:
     return total
 
 
-def ideal_deviation(thread: Thread) -> Curve | None:
+def ideal_deviation(thread: Thread, samples: Samples | None) -> Curve | None:
     """e over the turn, 0 where the thread proper begins; None without a recording."""
-    samples = thread.samples
     if samples is None or samples.turn.size < 2:
         return None
     deviation = samples.position - thread.target * samples.turn
     return Curve(samples.turn, deviation - np.interp(_span(thread, samples)[0], samples.turn, deviation))
 
 
-def error_map(thread: Thread, *, within_turn: bool) -> Map | None:
+def error_map(thread: Thread, samples: Samples | None, *, within_turn: bool) -> Map | None:
     """e, about its mean, or w, over angle and turn; whole turns of the thread proper that are recorded."""
-    found = _turns(thread)
+    found = _turns(thread, samples)
     if found is None:
         return None
     first, turns = found
@@ -72,21 +71,21 @@ def error_map(thread: Thread, *, within_turn: bool) -> Map | None:
     return Map(_fewer_rows(grid), float(first), float(first + len(turns)), -(-len(turns) // MOST_ROWS))
 
 
-def mean_within_turn(thread: Thread) -> Curve | None:
+def mean_within_turn(thread: Thread, samples: Samples | None) -> Curve | None:
     """Mean of w over the turns, over the angle in turns (0 to 1): the drunken thread."""
-    found = _turns(thread)
+    found = _turns(thread, samples)
     if found is None:
         return None
     mean = _within(found[1]).mean(axis=0)
     return Curve(np.arange(ANGLES + 1) / ANGLES, np.append(mean, mean[0]))
 
 
-def spectrum(thread: Thread) -> Curve | None:
+def spectrum(thread: Thread, samples: Samples | None) -> Curve | None:
     """Amplitude [m] of e over the order [1/revolution], by a Hann window over the thread proper."""
-    curve = ideal_deviation(thread)
-    if curve is None or thread.samples is None:
+    curve = ideal_deviation(thread, samples)
+    if curve is None or samples is None:
         return None
-    begin, end = _span(thread, thread.samples)
+    begin, end = _span(thread, samples)
     count = int((end - begin) * _SPECTRUM_POINTS)
     if end - begin < _FEWEST_TURNS:
         return None
@@ -95,9 +94,15 @@ def spectrum(thread: Thread) -> Curve | None:
     values = values - np.polyval(np.polyfit(at - begin, values, 1), at - begin)
     window = np.hanning(count)
     amplitude = np.asarray(2.0 * np.abs(np.fft.rfft(values * window)) / window.sum(), dtype=np.float64)
-    order = np.fft.rfftfreq(count, 1.0 / _SPECTRUM_POINTS)
+    order = np.asarray(np.fft.rfftfreq(count, 1.0 / _SPECTRUM_POINTS), dtype=np.float64)
     shown = (order > 0.0) & (order <= _HIGHEST_ORDER)
     return Curve(order[shown], amplitude[shown])
+
+
+def of_the_thread(thread: Thread, curve: Curve) -> FloatArray:
+    """The values over the thread proper."""
+    first, last = thread.first_and_last
+    return np.asarray(curve.y[(curve.x >= first - 1) & (curve.x <= last)])
 
 
 def decimated(curve: Curve, most: int = MOST_POINTS) -> Curve:
@@ -119,12 +124,12 @@ def extremes(values: FloatArray, stretches: int) -> IntArray:
     return np.array(sorted(found), dtype=np.int64)
 
 
-def _turns(thread: Thread) -> tuple[int, FloatArray] | None:
+def _turns(thread: Thread, samples: Samples | None) -> tuple[int, FloatArray] | None:
     """(turns before the first, e (turns, angles + 1) m from its beginning to its end) of the whole turns."""
-    curve = ideal_deviation(thread)
-    if curve is None or thread.samples is None:
+    curve = ideal_deviation(thread, samples)
+    if curve is None or samples is None:
         return None
-    first, last = _whole(_span(thread, thread.samples))
+    first, last = _whole(_span(thread, samples))
     if last <= first:
         return None
     values = np.interp(first + np.arange((last - first) * ANGLES + 1) / ANGLES, curve.x, curve.y)

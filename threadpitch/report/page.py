@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 _TEMPLATES = Path(__file__).parent / "templates"
+_ROWS_AT_ONCE = 500  # of a table; a longer one is built when it is opened
 _NEEDED = ("bokeh", "jinja2")
 
 
@@ -71,7 +72,7 @@ def page(report: Report, scripts: Scripts, navigation: str = "") -> str:
     return templates().get_template("report.html").render(
         report=report, threads=[statements(thread) for thread in report.threads], charts=found,
         document=json_for_script(documents(found)), scripts=scripts, style=_read("page.css"), version=__version__,
-        navigation=navigation)
+        navigation=navigation, rows_at_once=_ROWS_AT_ONCE)
 
 
 def require() -> None:

@@ -16,7 +16,7 @@ from threadpitch.trace import TURN
 from threadpitch.units import from_si
 
 _RAY = 1.25  # length of a start angle's line, the workpiece's radius is 1
-_TEXT = 1.45
+_TEXT = 1.6
 _EDGE = 1.9
 _SWING = 0.3  # of the radius, for the largest error within the turn
 
@@ -29,7 +29,7 @@ def draw_polar(made: figure, angles: Sequence[Series], threads: Sequence[tuple[T
     for one in angles:
         _ray(made, one)
     found = [(curve, name, style) for thread, name, style in threads
-             if (curve := curves.mean_within_turn(thread)) is not None]
+             if (curve := curves.mean_within_turn(thread, thread.truest[0])) is not None]
     largest = max((float(np.abs(curve.y).max()) for curve, _, _ in found), default=0.0)
     for curve, name, style in found if largest > 0.0 else []:
         radius = 1.0 + _SWING * curve.y / largest

@@ -12,7 +12,6 @@ import numpy as np
 from threadpitch.judgement import MeasuredThread
 from threadpitch.pitch import BoolArray, GroupPitch, PitchTable, statistics
 from threadpitch.report.content import PassOverview, ReportError, Samples, Thread, judged, laid_over, thread_proper
-from threadpitch.tolerance import PitchConformity
 from threadpitch.trace import TURN, FloatArray, Trace
 from threadpitch.units import from_si
 
@@ -27,7 +26,6 @@ class LogQuestion:
     measured: tuple[MeasuredThread, ...] = ()
     uncertainty: float | None = None
     screw_lead: float | None = None
-    tolerances: tuple[tuple[str, PitchConformity], ...] = ()
 
 
 def chosen_groups(groups: Sequence[GroupPitch], path: Path, chosen: str | None) -> list[GroupPitch]:
@@ -55,7 +53,6 @@ def log_thread(path: Path, group: GroupPitch, groups: Sequence[GroupPitch], ques
     thread = Thread(
         f"{path.name}{label}", group.table, target, chosen,
         (f"Nominal pitches from the log; target {from_si(target, 'mm'):.6g} mm{source}",),
-        limit=min((one.limit for _, one in question.tolerances), default=None), tolerances=question.tolerances,
         samples=trace_samples(group.trace, group.table), screw_lead=question.screw_lead,
         others=PassOverview(tuple(_row(one) for one in groups)),
         notes=(*group.table.notes, *_left_out(chosen, group.table.pitch)),

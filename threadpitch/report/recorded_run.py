@@ -12,18 +12,14 @@ import numpy as np
 
 from threadpitch.judgement import MeasuredThread
 from threadpitch.pitch import statistics
-from threadpitch.report.columns import read_columns
-from threadpitch.report.content import EXACT, PassOverview, ReportError, Samples, Thread, judged, laid_over
+from threadpitch.report.content import EXACT, PassOverview, ReportError, Thread, judged, laid_over
 from threadpitch.report.pitch_file import CalculatedPass, read_pitches
+from threadpitch.report.run_recording import Recording
 from threadpitch.run_folder import METADATA
-from threadpitch.trace import TURN, FloatArray
+from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
 
-_NEAR = 1e-9  # turns: a start angle that is that of the edge itself
 _SCREW = "z_drive.screw_lead"
-# What a calculator of the lathe is connected with, for a run that does not tell.
-_DEFAULT_SOURCES = {"spindle_angle": "spindle.encoder_angle", "feed_position": "z_drive.measured_position"}
-_SPEED, _FOLLOWING_ERROR = "spindle.speed", "z_drive.following_error"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +53,9 @@ def read_run(path: Path, chosen: str | None = None, uncertainty: float | None = 
     if not wanted and chosen is not None:
         raise ReportError(f"{path}: there is no pass {chosen}; the passes are "
                           f"{', '.join(str(one.number) for one in nominal)}")
-    recording = _Recording(folder, nominal)
-    return [_thread(folder, one, recording, uncertainty) for one in wanted or nominal[-1:]]
+    recordings = {name: Recording(folder.path, folder.metadata, folder.seen_by(name))
+                  for name in dict.fromkeys(one.calculator for one in folder.passes)}
+    return [_thread(folder, one, recordings, uncertainty) for one in wanted or nominal[-1:]]
 
 
 def _is_wanted(one: CalculatedPass, folder: _Folder, chosen: str | None) -> bool:
@@ -67,8 +64,9 @@ def _is_wanted(one: CalculatedPass, folder: _Folder, chosen: str | None) -> bool
     return bool(folder.told.get(one.number, {}).get("final_flank"))
 
 
-def _thread(folder: _Folder, one: CalculatedPass, recording: _Recording, uncertainty: float | None) -> Thread:
-    samples, notes = recording.samples(one)
+def _thread(folder: _Folder, one: CalculatedPass, recordings: Mapping[str, Recording],
+            uncertainty: float | None) -> Thread:
+    samples, notes = recordings[one.calculator].samples(one)
     actual = [other for other in folder.passes if other.number == one.number and other.calculator != one.calculator]
     metadata, chosen = folder.metadata, one.in_metal & ~np.isnan(one.table.pitch)
     screw = metadata.get("settings", {}).get(_SCREW)
@@ -86,7 +84,8 @@ def _thread(folder: _Folder, one: CalculatedPass, recording: _Recording, uncerta
     measured = tuple(replace(found, name=found.name.replace("measured", actual[0].calculator))
                      for found in laid_over(one.table, groove))
     in_metal = np.where(thread.chosen, one.table.pitch, np.nan)
-    return judged(replace(thread, measured=measured), in_metal, _of_shape(pitch, one.table.pitch.shape),
+    found = replace(thread, measured=measured, groove=recordings[actual[0].calculator].samples(actual[0])[0])
+    return judged(found, in_metal, _of_shape(pitch, one.table.pitch.shape),
                   EXACT if uncertainty is None else uncertainty)
 
 
@@ -129,66 +128,6 @@ def _provenance(metadata: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _items(value: Any) -> list[tuple[str, Any]]:
     return list(value.items()) if isinstance(value, Mapping) else []
-
-
-class _Recording:
-    """The recorded columns of a run, from which the samples of its passes are cut; notes where that cannot be."""
-
-    def __init__(self, folder: _Folder, nominal: list[CalculatedPass]) -> None:
-        self._order = [one.number for one in nominal]
-        self._columns: dict[str, FloatArray] = {}
-        self._note = ""
-        calculator = nominal[0].calculator
-        links = folder.metadata.get("connections", [])
-        self._sources = {target: next((link for link in links if link[1] == f"{calculator}.{target}"),
-                                      (default, "", 1.0, 0.0)) for target, default in _DEFAULT_SOURCES.items()}
-        self._threading, self._start = f"{calculator}.threading", f"{calculator}.threading_start"
-        results = folder.metadata.get("results")
-        path = folder.path / "trace.csv" if results is None else Path(results)
-        try:
-            self._columns = read_columns(path, [*(link[0] for link in self._sources.values()), self._threading,
-                                                self._start, _SPEED, _FOLLOWING_ERROR])
-        except (ReportError, OSError) as error:
-            self._note = f"No recording: {path}: {error.strerror}" if isinstance(error, OSError) else f"{error}"
-        needed = [*(link[0] for link in self._sources.values()), self._threading, self._start]
-        missing = [name for name in needed if name not in self._columns]
-        if missing and not self._note:
-            self._note = f"No recording: {path} does not hold {', '.join(missing)}"
-
-    def samples(self, one: CalculatedPass) -> tuple[Samples | None, tuple[str, ...]]:
-        """The rows of a pass, from its first crossing of the first start angle on."""
-        if self._note:
-            return None, (self._note,)
-        cuts = [cut for cut in self._cuts() if self._turn(cut, one)[-1] >= 1.0]
-        if len(cuts) != len(self._order):
-            return None, (f"No recording: {len(cuts)} passes in it, {len(self._order)} in the pitch table",)
-        rows = cuts[self._order.index(one.number)]
-        turn = self._turn(rows, one)
-        position = self._of("feed_position", rows)
-        position = position - np.interp(0.0, turn, position)
-        error = self._columns.get(_FOLLOWING_ERROR)
-        sense = -1.0 if position[-1] < 0.0 else 1.0
-        speed = self._columns.get(_SPEED)
-        return Samples(turn, sense * position, None if speed is None else speed[rows],
-                       None if error is None else sense * error[rows]), ()
-
-    def _cuts(self) -> list[slice]:
-        """Rows of every stretch of threading, with one row before and one after."""
-        threading = self._columns[self._threading] > 0.5
-        edges = np.diff(np.concatenate(([0], threading.astype(np.int8), [0])))
-        return [slice(max(int(begin) - 1, 0), int(end) + 1) for begin, end
-                in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)]
-
-    def _turn(self, rows: slice, one: CalculatedPass) -> FloatArray:
-        """(rows,) revolutions from where n = 1 of the first start angle begins."""
-        turn = np.maximum.accumulate(self._of("spindle_angle", rows)) / TURN
-        begin = float(self._columns[self._start][rows][-2]) / TURN  # that of this pass: the row before may not have it
-        start = float(one.table.start_angles[0]) / TURN
-        return np.asarray(turn - (start + np.ceil(begin - start - _NEAR)))
-
-    def _of(self, target: str, rows: slice) -> FloatArray:
-        name, _, factor, offset = self._sources[target]
-        return np.asarray(self._columns[name][rows] * factor + offset)
 
 
 def _read_told(path: Path) -> dict[int, Mapping[str, Any]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from threadpitch.report.content import Report, Thread
+from threadpitch.report.content import Report, Samples, Thread
 from threadpitch.tables import printable, start_angles_deg
 
 # Okabe and Ito, Color Universal Design (2008): told apart by people with any kind of colour vision; yellow left out.
@@ -57,6 +57,14 @@ def threads(report: Report) -> Iterator[tuple[Thread, str, Style]]:
     """Every thread with its name for a legend and the style of its curves."""
     for number, thread in enumerate(report.threads):
         yield thread, shown(thread.name), Style.of(number)
+
+
+def recordings(report: Report) -> Iterator[tuple[Thread, Samples, str, Style]]:
+    """What is recorded of every thread, by detectors and of the groove, with its name and style."""
+    found = [(thread, samples, f"{name}, {of}") for thread, name, _ in threads(report)
+             for samples, of in ((thread.samples, "detectors"), (thread.groove, "groove")) if samples is not None]
+    for number, one in enumerate(found):
+        yield *one, Style.of(number)
 
 
 def shown(name: str) -> str:

@@ -85,6 +85,19 @@
     return best >= 0 && Math.abs(values[best] - wanted) <= 1 ? best : -1;
   }
 
+  // A long table stands in the page as text, and gets its cells when it is opened.
+  for (const body of document.querySelectorAll("tbody[data-rows]")) {
+    body.closest("details").addEventListener("toggle", () => {
+      if (body.dataset.rows === undefined) return;
+      const rows = body.dataset.rows.split("\n").map((line) => {
+        const row = document.createElement("tr");
+        for (const text of line.split("\t")) row.appendChild(document.createElement("td")).textContent = text;
+        return row;
+      });
+      delete body.dataset.rows;
+      body.append(...rows);
+    });
+  }
   window.addEventListener("beforeprint", () => {
     for (const one of document.querySelectorAll("details")) one.open = true;
   });
@@ -99,5 +112,5 @@
     document.documentElement.dataset.drawn = number + 1 < made.length ? "first" : "all";
     if (number + 1 < made.length) setTimeout(() => draw(number + 1), 0);
   }
-  draw(0);
+  requestAnimationFrame(() => setTimeout(() => draw(0), 0)); // words and tables are on the screen before
 })();
