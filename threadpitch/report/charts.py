@@ -15,11 +15,12 @@ from threadpitch.report.curves import Curve
 from threadpitch.report.drawing import TOOLS, Chart, Plot, TurnAxes, Words, quiet
 from threadpitch.report.polar import draw_polar
 from threadpitch.report.series import Style, recordings, series, threads
+from threadpitch.tables import printable
 from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
 
 _MAP_HEIGHT = 380  # px
-_POLAR_SIZE = 360
+_POLAR_SIZE = 320
 _MOST_MARKS = 60  # turns of the movement that are marked
 _LIMIT_COLOUR = "#b00020"
 _NOT_RECORDED = "Not recorded: this chart needs angle and position sample by sample."
@@ -112,7 +113,7 @@ def _map(number: int, thread: Thread, *, within_turn: bool) -> Chart:
     made.add_tools(HoverTool(tooltips=[("angle [deg]", "$x{0}"), ("turn", "$y{0.0}"), ("[um]", "@image{0.000}")],
                              visible=False))
     more = f" {found.turns_a_row} turns share a row, which shows the farthest of them." if found.turns_a_row > 1 else ""
-    return Chart(name, title, f"{thread.name}, {source}: {text}{more}", quiet(made))
+    return Chart(name, title, f"{printable(thread.name)}, {source}: {text}{more}", quiet(made))
 
 
 def _movement(report: Report) -> Chart:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from threadpitch import __version__
 from threadpitch.report.content import Report, ReportError
 from threadpitch.report.statements import statements
+from threadpitch.tables import printable
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -70,7 +71,8 @@ def page(report: Report, scripts: Scripts, navigation: str = "") -> str:
 
     found = charts(report)
     return templates().get_template("report.html").render(
-        report=report, threads=[statements(thread) for thread in report.threads], charts=found,
+        title=printable(report.title), provenance=report.provenance, charts=found,
+        threads=[statements(thread) for thread in report.threads],
         document=json_for_script(documents(found)), scripts=scripts, style=_read("page.css"), version=__version__,
         navigation=navigation, rows_at_once=_ROWS_AT_ONCE)
 

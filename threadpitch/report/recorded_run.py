@@ -33,11 +33,6 @@ class _Folder:
         return [one for one in self.passes if one.calculator == calculator]
 
 
-def is_run(path: Path) -> bool:
-    """Whether this is the folder of a run."""
-    return path.is_dir() and (path / "pitch.csv").is_file()
-
-
 def read_run(path: Path, chosen: str | None = None, uncertainty: float | None = None) -> list[Thread]:
     """The threads of a run: of every start the pass that makes the final flank, or the pass that is ``chosen``.
 
@@ -46,6 +41,8 @@ def read_run(path: Path, chosen: str | None = None, uncertainty: float | None = 
     Raises:
         ReportError: the folder holds no run, a file in it is damaged, or there is no such pass.
     """
+    if not (path / "pitch.csv").is_file():
+        raise ReportError(f"{path}: is a folder without pitch.csv; give the folder of a run, or a log")
     folder = _Folder(path, read_pitches(path / "pitch.csv"), _read_told(path / "result.json"),
                      _read_json(path / METADATA) if (path / METADATA).is_file() else {})
     nominal = folder.seen_by(folder.passes[0].calculator)

@@ -107,7 +107,8 @@ def _evidence(found: Evidence) -> list[tuple[str, str]]:
                                   ("Correlation", found.correlation, found.correlation_interval)):
         if value is not None and interval is not None:
             rows.append((name, f"{value:.3f} ({interval[0]:.3f} to {interval[1]:.3f})"))
-    rows.append(("Permutation test", f"p = {found.permutation_p:.4f}"))
+    if found.permutation_p is not None:
+        rows.append(("Permutation test", f"p = {found.permutation_p:.4f}"))
     if found.sign_agreement is not None:
         rows.append(("Turns on the same side of the target", f"{100.0 * found.sign_agreement:.0f} %"))
     rows += [("Share of the control", f"{100.0 * found.control_share:.0f} %"),

@@ -31,7 +31,7 @@
 
   function key(event, figure, cursor, start) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const overTurns = cursor !== null && figure.x_axis !== undefined && shares(figure, cursor);
+    const overTurns = cursor !== null && shares(figure, cursor);
     const back = event.key === "ArrowLeft";
     if (back || event.key === "ArrowRight") {
       if (overTurns && !event.shiftKey) moveCursor(figure, cursor, back ? -1 : 1);
