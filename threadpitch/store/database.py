@@ -85,10 +85,14 @@ class Database:
 
     @contextlib.contextmanager
     def _transaction(self, writing: bool) -> Iterator[Connection]:
-        with self._engine.connect().execution_options(**{_WRITING: writing}) as connection, connection.begin():
-            if writing and self.address.file is None:
-                connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _LOCK})
-            yield connection
+        # PostgreSQL: what a reader sees is of one instant; a writer must see what came before it got the lock.
+        level = {} if self.address.file else {"isolation_level": "READ COMMITTED" if writing else "REPEATABLE READ"}
+        with self._engine.connect() as connection:
+            connection.execution_options(**{_WRITING: writing}, **level)
+            with connection.begin():
+                if writing and self.address.file is None:
+                    connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _LOCK})
+                yield connection
 
     def _bring_up_to_date(self) -> None:
         if self.read(_version) == schema.NEWEST:
@@ -134,8 +138,7 @@ def _engine(address: Address) -> Engine:
     file = address.file
     if file is None:
         try:
-            return _with_begin(create_engine(address.url, pool_pre_ping=True, isolation_level="REPEATABLE READ",
-                                             connect_args={"connect_timeout": 10}))
+            return _with_begin(create_engine(address.url, pool_pre_ping=True, connect_args={"connect_timeout": 10}))
         except ModuleNotFoundError:
             raise StoreError("PostgreSQL needs psycopg, which is not installed; pip install "
                              "'threadpitch[postgresql]'") from None

@@ -7,6 +7,7 @@ import functools
 import json
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
+from pathlib import Path
 from types import TracebackType
 
 from sqlalchemy import Connection, delete, func, select, update
@@ -15,6 +16,7 @@ from threadpitch.store import event_log, reading, schema, writing
 from threadpitch.store.address import read_address
 from threadpitch.store.database import Database
 from threadpitch.store.errors import StoreError
+from threadpitch.store.export import export
 from threadpitch.store.records import Event, Finding, NewEvent, NewRun, RunFilter, RunSummary, StoredRun
 from threadpitch.store.trace_folder import TraceFolder
 from threadpitch.store.verifying import remove_leftovers, verify
@@ -106,6 +108,15 @@ class Store:
         digests = self._database.write(functools.partial(_delete, numbers=list(numbers)))
         # The rows first: a trace without a row is a leftover, a row without its trace is a loss.
         self._database.write(functools.partial(self._remove_unused, digests=digests))
+
+    def export(self, number: int, folder: str | Path, form: str) -> list[Path]:
+        """Write a run into a folder as "csv", "json" or "parquet" (with its trace): the files.
+
+        Raises:
+            StoreError: there is none of this number, or the format is not known.
+            OSError: the folder cannot be written.
+        """
+        return export(self.run(number), Path(folder), form)
 
     def verify(self) -> list[Finding]:
         """What is damaged or missing, and what interrupted writers left. Reads every trace.
