@@ -19,13 +19,15 @@ from threadpitch.store.records import (
     SeriesSummary,
     StoredPass,
     StoredRun,
+    TurnStatistics,
 )
 
 if TYPE_CHECKING:
     from threadpitch.store.run_store import Store
 
 __all__ = ["DEFAULT", "ENVIRONMENT", "Event", "Finding", "NewEvent", "NewRun", "RunFilter", "RunSummary",
-           "SeriesSummary", "Store", "StoreError", "StoredPass", "StoredRun", "open_store"]
+           "SeriesSummary", "Store", "StoreError", "StoredPass", "StoredRun", "TurnStatistics",
+           "open_store"]
 
 
 def open_store(address: str | None = None) -> Store:

@@ -13,9 +13,8 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy import Connection, delete, func, insert, select, update
 
 from threadpitch.store import schema
-from threadpitch.store.reading import instant
 from threadpitch.store.records import Event, NewEvent
-from threadpitch.store.writing import json_text, storable, utc_text
+from threadpitch.store.texts import instant, json_text, storable, utc_text
 
 KEPT = timedelta(days=30)  # that events stay after every receiver has taken them
 

@@ -19,9 +19,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from threadpitch.store.documents import degrees, length, run_document
 from threadpitch.store.errors import StoreError
-from threadpitch.store.records import RunSummary, SeriesSummary, StoredPass, StoredRun, new_uid
-from threadpitch.units import from_si
+from threadpitch.store.records import StoredRun, new_uid
 
 FORMATS = ("csv", "json", "parquet")
 COLUMNS = {  # name -> unit
@@ -57,55 +57,6 @@ def export(run: StoredRun, folder: Path, form: str) -> list[Path]:
     return [*written, _written(folder / f"{name}-trace.parquet", lambda path: shutil.copyfile(trace, path))]
 
 
-def run_document(run: StoredRun) -> dict[str, Any]:
-    """A run as JSON holds it: mm and degrees, null where a turn is missing."""
-    return {
-        **summary_document(run.summary),
-        "passes": [_pass_document(one) for one in run.passes],
-        "verdict": run.verdict,
-        "provenance": run.provenance,
-    }
-
-
-def summary_document(run: RunSummary) -> dict[str, Any]:
-    """A run as lists show it."""
-    return {
-        "run": run.number, "uid": run.uid, "recorded_at": run.recorded_at.isoformat(), "kind": run.kind,
-        "source": run.source, "machine": run.machine, "program": run.program, "thread": run.thread,
-        "serial_number": run.serial_number, "note": run.note, "cause": run.cause, "sentence": run.sentence,
-        "trace_sha256": run.trace_sha256, "statistics": [series_document(one) for one in run.series],
-    }
-
-
-def series_document(one: SeriesSummary) -> dict[str, Any]:
-    """The statistics of one pass at one start angle."""
-    return {
-        "calculator": one.calculator, "pass": one.label, "start_angle_deg": degrees(one.start_angle),
-        "target_mm": _length(one.target, "mm"), "turns": one.turns, "min_mm": _length(one.minimum, "mm"),
-        "max_mm": _length(one.maximum, "mm"), "mean_mm": _length(one.mean, "mm"),
-        "standard_deviation_um": _length(one.standard_deviation, "um"),
-    }
-
-
-def degrees(angle: float) -> float:
-    """A start angle without the rounding error of the conversion."""
-    return round(from_si(angle, "deg"), 9)
-
-
-def _pass_document(one: StoredPass) -> dict[str, Any]:
-    table = one.table
-    return {
-        "calculator": one.calculator, "pass": one.label, "target_mm": _length(one.target, "mm"),
-        "start_angles_deg": [degrees(angle) for angle in table.start_angles.tolist()],
-        "pitch_mm": [[_length(value, "mm") for value in row] for row in table.pitch.tolist()],
-        "uncertainty_um": None if table.uncertainty is None else [
-            [_length(value, "um") for value in row] for row in table.uncertainty.tolist()],
-        "in_metal": None if one.in_metal is None else one.in_metal.tolist(),
-        "extrapolated": table.extrapolated.tolist(), "turns_before": table.turns_before, "notes": list(table.notes),
-        "told_si": dict(one.told),
-    }
-
-
 def _rows(run: StoredRun) -> Iterator[tuple[Any, ...]]:
     """The cells of ``COLUMNS`` for every turn that is there."""
     for one in run.passes:
@@ -113,9 +64,9 @@ def _rows(run: StoredRun) -> Iterator[tuple[Any, ...]]:
             for turn, pitch in enumerate(one.table.pitch[row].tolist()):
                 if not math.isnan(pitch):
                     uncertainty = None if one.table.uncertainty is None else float(one.table.uncertainty[row, turn])
-                    yield (one.calculator, one.label, degrees(angle), turn + 1, _length(pitch, "mm"),
-                           None if one.target is None else _length(pitch - one.target, "um"),
-                           _length(uncertainty, "um"), None if one.in_metal is None else bool(one.in_metal[row, turn]))
+                    yield (one.calculator, one.label, degrees(angle), turn + 1, length(pitch, "mm"),
+                           None if one.target is None else length(pitch - one.target, "um"),
+                           length(uncertainty, "um"), None if one.in_metal is None else bool(one.in_metal[row, turn]))
 
 
 def _write_csv(run: StoredRun, path: Path) -> None:
@@ -155,7 +106,3 @@ def _written(path: Path, write: Callable[[Path], object]) -> Path:
     finally:
         temporary.unlink(missing_ok=True)
     return path
-
-
-def _length(value: float | None, unit: str) -> float | None:
-    return None if value is None or math.isnan(value) else from_si(value, unit)

@@ -6,7 +6,6 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,8 @@ from sqlalchemy import ColumnElement, Connection, RowMapping, func, or_, select
 from threadpitch.pitch import PitchTable
 from threadpitch.store import schema
 from threadpitch.store.errors import StoreError
-from threadpitch.store.records import RunFilter, RunSummary, SeriesSummary, StoredPass
-from threadpitch.store.writing import storable, utc_text
+from threadpitch.store.records import RunFilter, RunSummary, SeriesSummary, StoredPass, TurnStatistics
+from threadpitch.store.texts import instant, storable, utc_text
 
 TEXTS = ("source", "machine", "program", "thread", "serial_number", "note", "cause")
 CHOICES = ("machine", "program", "thread", "cause")
@@ -128,8 +127,14 @@ def _summary(row: RowMapping, series: Sequence[SeriesSummary]) -> RunSummary:
 
 
 def _series_summary(one: RowMapping, row: RowMapping) -> SeriesSummary:
-    figures = (_number(row[name]) for name in ("minimum", "maximum", "mean", "standard_deviation"))
-    return SeriesSummary(one["calculator"], one["label"], row["start_angle"], one["target"], row["turns"], *figures)
+    effective = None if row["effective_turns"] is None else TurnStatistics(**_statistics(row, "effective_"))
+    return SeriesSummary(calculator=one["calculator"], label=one["label"], start_angle=row["start_angle"],
+                         target=one["target"], effective=effective, **_statistics(row))
+
+
+def _statistics(row: RowMapping, prefix: str = "") -> dict[str, Any]:
+    figures = ("minimum", "maximum", "mean", "standard_deviation")
+    return {"turns": row[f"{prefix}turns"], **{name: _number(row[f"{prefix}{name}"]) for name in figures}}
 
 
 def _pass(one: RowMapping, series: Sequence[RowMapping], turns: Mapping[int, Sequence[RowMapping]]) -> StoredPass:
@@ -154,11 +159,6 @@ def _pass(one: RowMapping, series: Sequence[RowMapping], turns: Mapping[int, Seq
     )
     return StoredPass(one["calculator"], one["label"], table, one["target"], in_metal if told_of_metal else None,
                       dict(json.loads(one["told"])))
-
-
-def instant(text: str) -> datetime:
-    """The instant that ``utc_text`` wrote."""
-    return datetime.strptime(text, "%Y-%m-%dT%H:%M:%S.%fZ").replace(tzinfo=UTC)
 
 
 def _number(value: Any) -> float:

@@ -76,18 +76,30 @@ class RunFilter:
 
 
 @dataclass(frozen=True)
-class SeriesSummary:
-    """Statistics of P(n) over all turns of one pass at one start angle."""
+class TurnStatistics:
+    """Statistics of P(n) over some turns."""
 
-    calculator: str
-    label: str
-    start_angle: float  # rad
-    target: float | None  # m
     turns: int
     minimum: float  # m, NaN without turns
     maximum: float  # m
     mean: float  # m
     standard_deviation: float  # m, of one turn about the mean (n - 1); NaN below two turns
+
+
+@dataclass(frozen=True)
+class SeriesSummary(TurnStatistics):
+    """Statistics of P(n) of one pass at one start angle over all turns, and over those in the metal where known."""
+
+    calculator: str
+    label: str
+    start_angle: float  # rad
+    target: float | None  # m
+    effective: TurnStatistics | None
+
+    @property
+    def best(self) -> TurnStatistics:
+        """Over the turns that make the thread, where they are known, else over all."""
+        return self if self.effective is None else self.effective
 
 
 @dataclass(frozen=True, kw_only=True)

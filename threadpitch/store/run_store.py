@@ -18,6 +18,7 @@ from threadpitch.store.database import Database
 from threadpitch.store.errors import StoreError
 from threadpitch.store.export import export
 from threadpitch.store.records import Event, Finding, NewEvent, NewRun, RunFilter, RunSummary, StoredRun
+from threadpitch.store.texts import storable
 from threadpitch.store.trace_folder import TraceFolder
 from threadpitch.store.verifying import remove_leftovers, verify
 
@@ -95,7 +96,7 @@ class Store:
         Raises:
             StoreError: there is none of this number.
         """
-        change = update(schema.runs).where(schema.runs.c.number == number).values(note=writing.storable(text))
+        change = update(schema.runs).where(schema.runs.c.number == number).values(note=storable(text))
         if not self._database.write(lambda connection: connection.execute(change).rowcount):
             raise StoreError(reading.no_run(number))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
@@ -15,6 +14,7 @@ from sqlalchemy import Connection, Table, insert, select
 from threadpitch.store import schema
 from threadpitch.store.errors import StoreError
 from threadpitch.store.records import NewRun, StoredPass
+from threadpitch.store.texts import json_text, storable, utc_text
 from threadpitch.store.trace_folder import WrittenTrace
 
 KINDS = ("simulation", "log")
@@ -69,22 +69,24 @@ def _add_pass(connection: Connection, run: int, place: int, one: StoredPass) -> 
         number = _insert(connection, schema.series, {
             "pass": identity, "place": row, "start_angle": angle, "extrapolated": bool(table.extrapolated[row]),
             **_statistics(table.pitch[row]),
+            **({} if one.in_metal is None else _statistics(table.pitch[row][one.in_metal[row]], "effective_")),
         })
         turns = list(_turns(number, one, row))
         if turns:
             connection.execute(insert(schema.pitches), turns)
 
 
-def _statistics(pitch: NDArray[np.float64]) -> dict[str, Any]:
+def _statistics(pitch: NDArray[np.float64], prefix: str = "") -> dict[str, Any]:
     """Over the turns that are there, (revolutions,) m."""
     known = pitch[~np.isnan(pitch)]
-    spread = float(np.std(known, ddof=1)) if known.size > 1 else None
-    return {
-        "turns": known.size, "standard_deviation": spread,
+    figures = {
+        "turns": known.size,
         "minimum": float(known.min()) if known.size else None,
         "maximum": float(known.max()) if known.size else None,
         "mean": float(known.mean()) if known.size else None,
+        "standard_deviation": float(np.std(known, ddof=1)) if known.size > 1 else None,
     }
+    return {f"{prefix}{name}": value for name, value in figures.items()}
 
 
 def _turns(series: int, one: StoredPass, row: int) -> Iterator[dict[str, Any]]:
@@ -102,29 +104,3 @@ def _insert(connection: Connection, table: Table, row: Mapping[str, Any]) -> int
     key = connection.execute(insert(table), row).inserted_primary_key
     assert key is not None  # of one row
     return int(key[0])
-
-
-def utc_text(instant: datetime) -> str:
-    """An instant as text of equal length, so that texts sort as instants do."""
-    return instant.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-
-
-def storable(text: str) -> str:
-    """Text without what a database cannot hold: NUL, and halves of characters (file names that are no UTF-8)."""
-    return text.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode("utf-8")
-
-
-def json_text(document: object) -> str:
-    """A document as ASCII; numbers that JSON does not know become null."""
-    try:
-        return json.dumps(document, allow_nan=False)
-    except ValueError:
-        return json.dumps(_finite(document), allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, Mapping):
-        return {key: _finite(one) for key, one in value.items()}
-    return [_finite(one) for one in value] if isinstance(value, list | tuple) else value

@@ -53,6 +53,8 @@ def upgrade() -> None:
         sa.Column("extrapolated", sa.Boolean, nullable=False),
         sa.Column("turns", sa.Integer, nullable=False),
         *(sa.Column(name, sa.Double) for name in ("minimum", "maximum", "mean", "standard_deviation")),
+        sa.Column("effective_turns", sa.Integer),
+        *(sa.Column(f"effective_{name}", sa.Double) for name in ("minimum", "maximum", "mean", "standard_deviation")),
         sa.UniqueConstraint("pass", "place"),
     )
     op.create_table(
