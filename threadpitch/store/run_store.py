@@ -143,6 +143,11 @@ class Store:
         """The sequence of the newest event; 0 where there is none."""
         return self._database.read(event_log.last_sequence)
 
+    def identity(self) -> str:
+        """The name of this store; sequences of events are its own."""
+        asked = select(schema.identity.c.uid)
+        return str(self._database.read(lambda connection: connection.execute(asked).scalar_one()))
+
     def register(self, receiver: str, after: int | None = None) -> int:
         """The last sequence that a receiver has taken; a new one begins ``after`` this one, or with the next event."""
         return self._database.write(lambda connection: event_log.register(connection, receiver, after))

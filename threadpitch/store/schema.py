@@ -112,3 +112,8 @@ receivers = Table(
     Column("name", Text, primary_key=True),
     Column("sequence", Integer, nullable=False),  # of the last event that it has taken
 )
+
+identity = Table(
+    "identity", metadata,
+    Column("uid", Text, primary_key=True),  # of the store: sequences of events are its own
+)

@@ -1,6 +1,8 @@
-"""Version 2: events in one order, and how far each receiver has taken them."""
+"""Version 2: events in one order, how far each receiver has taken them, and whose they are."""
 
 from __future__ import annotations
+
+import uuid
 
 import sqlalchemy as sa
 from alembic import op
@@ -23,3 +25,5 @@ def upgrade() -> None:
         sa.Column("name", sa.Text, primary_key=True),
         sa.Column("sequence", sa.Integer, nullable=False),
     )
+    identity = op.create_table("identity", sa.Column("uid", sa.Text, primary_key=True))
+    op.bulk_insert(identity, [{"uid": uuid.uuid4().hex}])
