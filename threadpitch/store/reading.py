@@ -46,6 +46,12 @@ def find_run(connection: Connection, number: int) -> tuple[RunSummary, RowMappin
     return _summaries(connection, [row])[0], row
 
 
+def run_of_uid(connection: Connection, uid: str) -> RunSummary | None:
+    """The run of this uid; None where there is none."""
+    row = connection.execute(select(schema.runs).where(schema.runs.c.uid == storable(uid))).mappings().first()
+    return None if row is None else _summaries(connection, [row])[0]
+
+
 def no_run(number: int) -> str:
     """What to say where there is no run of this number."""
     return f"run {number} is not in the store; `threadpitch store list` shows those that are"

@@ -90,6 +90,10 @@ class Store:
 
         return self._database.read(found)
 
+    def find(self, uid: str) -> RunSummary | None:
+        """The run of this uid; None where there is none."""
+        return self._database.read(lambda connection: reading.run_of_uid(connection, uid))
+
     def set_note(self, number: int, text: str) -> None:
         """Change the operator's note of a run.
 
