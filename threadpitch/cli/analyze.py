@@ -73,6 +73,7 @@ def analyze(
     program_name: store_options.ProgramName = "",
     serial: store_options.SerialNumber = "",
     note: store_options.Note = "",
+    publish: store_options.Publish = None,
     as_json: AsJson = False,
 ) -> None:
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
@@ -87,7 +88,7 @@ def analyze(
         fail(f"crossing {crossing!r} is not known; choose {' or '.join(CROSSINGS)}")
     if interval is not None and (crossing != "linear" or signals.needs_the_whole):
         fail("positions stored at an interval are of linear crossings of signals as they are; leave out an option")
-    kept = Asked(store, Labels(machine, program_name, thread or "", serial, note))
+    kept = Asked(store, tuple(publish or ()), Labels(machine, program_name, thread or "", serial, note))
     reading = Reading(log, choice, signals, tuple(starts), interval, crossing)
     with keeping_run(kept, "log", str(log)) as keeper:
         groups = _groups(reading, keeper)

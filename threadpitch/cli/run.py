@@ -82,6 +82,7 @@ def run(
     thread: store_options.ThreadName = "",
     serial: store_options.SerialNumber = "",
     note: store_options.Note = "",
+    publish: store_options.Publish = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a lathe that cuts a thread, and print the movement per revolution."""
@@ -105,7 +106,7 @@ def run(
                 replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
 
     cut = program_name or ("" if program is None else program.name)
-    kept = Asked(store, Labels(machine, cut, thread, serial, note))
+    kept = Asked(store, tuple(publish or ()), Labels(machine, cut, thread, serial, note))
     if program is None:
         with keeping_run(kept, "simulation", system) as keeper:
             simulation = simulated(output, {}, None if chosen is None else chosen.stop_time)

@@ -62,6 +62,10 @@ class MqttSender:
         """There are new events."""
         self._news.set()
 
+    def behind(self) -> int:
+        """How many events wait."""
+        return self.outbox.behind()
+
     def close(self) -> None:
         """Leave the broker in order; what it has not taken stays in the store."""
         self._ends.set()

@@ -54,6 +54,10 @@ class OpcUaServer:
     def notify(self) -> None:
         """There are new events; they are looked for several times a second."""
 
+    def behind(self) -> int:
+        """How many events the nodes do not show yet."""
+        return max(0, self.store.last_sequence() - self.taken)
+
     def close(self) -> None:
         """End the server."""
         self._loop.call_soon_threadsafe(self._ends.set)
