@@ -78,7 +78,7 @@ def _of_log(run: StoredRun) -> Thread:
     target = last.target if last.target is not None else float(np.median(last.table.pitch[chosen]))
     samples, notes = _log_samples(run, last)
     measured = tuple(Measured(", ".join(word for word in (_MEASURED, one.label) if word),
-                              np.flatnonzero(~np.isnan(row)) + 1.0, row[~np.isnan(row)])
+                              np.asarray(np.flatnonzero(~np.isnan(row)) + 1.0, dtype=np.float64), row[~np.isnan(row)])
                      for one in run.passes if one.calculator == _MEASURED for row in one.table.pitch)
     return Thread(f"{run_name(run)}, group {last.label}", last.table, target, chosen, measured=measured,
                   verdict=None if run.verdict is None else verdict_of(dict(run.verdict)), samples=samples,
@@ -109,14 +109,15 @@ def verdict_of(document: dict[str, object]) -> Verdict:
     """What ``verdict_document`` made, as a verdict again."""
     told = dict(document["evidence"])  # type: ignore[call-overload] # a mapping
     lengths = {name: _metres(told[f"{name}_um"]) for name in ("fluctuation", "largest", "uncertainty",
-                                                               "nominal_jitter", "irregular", "within_turn")}
+                                                               "nominal_jitter", "irregular")}
+    within_turn = None if told["within_turn_um"] is None else _metres(told["within_turn_um"])
     parts = tuple(Part(one["kind"], _metres(one["size_um"]), one["first_turn"], one["last_turn"], one["period_turns"],
                        one["decay_turns"]) for one in told["rest"])
     evidence = Evidence(
         turns=told["turns"], offset=told["offset_turns"], gain=told["gain"], gain_interval=_pair(told["gain_interval"]),
         correlation=told["correlation"], correlation_interval=_pair(told["correlation_interval"]),
         permutation_p=told["permutation_p"], sign_agreement=told["sign_agreement"],
-        control_share=told["control_share"], rest=parts, costs=dict(told["costs"]), **lengths)
+        control_share=told["control_share"], rest=parts, within_turn=within_turn, costs=dict(told["costs"]), **lengths)
     return Verdict(str(document["cause"]), str(document["sentence"]), tuple(document["advice"]),  # type: ignore[arg-type] # lists
                    evidence, tuple(document["notes"]))  # type: ignore[arg-type] # a list
 
