@@ -40,13 +40,13 @@ def test_limits_within_are_those_of_the_tables() -> None:
 
 def test_limits_between_are_those_of_the_tables() -> None:
     """E2 = 3 / d2 = 2.660, D4 = 3.267 for moving ranges of two."""
-    assert 3.0 / PAIR_MEAN == pytest.approx(2.660, abs=1e-3)
-    assert 1.0 + 3.0 * PAIR_SPREAD / PAIR_MEAN == pytest.approx(3.267, abs=1e-3)
+    e2, d4 = 3.0 / PAIR_MEAN, 1.0 + 3.0 * PAIR_SPREAD / PAIR_MEAN
+    assert [e2, d4] == pytest.approx([2.660, 3.267], abs=2e-3)  # the tables round d2 to 1.128
     found = control_charts(parts([1.0, 3.0, 1.0, 3.0]), BETWEEN)
     assert found.mean.centre[0] == 2.0
-    assert found.mean.upper[0] == pytest.approx(2.0 + 2.660 * 2.0, abs=1e-3)
+    assert found.mean.upper[0] == pytest.approx(2.0 + 2.660 * 2.0, abs=4e-3)
     assert math.isnan(found.spread.values[0])
-    assert found.spread.upper[1] == pytest.approx(3.267 * 2.0, abs=1e-3)
+    assert found.spread.upper[1] == pytest.approx(3.267 * 2.0, abs=4e-3)
 
 
 def test_parts_of_unequal_length_have_limits_of_their_own() -> None:

@@ -77,11 +77,11 @@ def control_charts(parts: Sequence[Part], limits: str = WITHIN) -> ControlCharts
     Raises:
         ControlChartError: fewer than two parts with two turns, or limits of no known kind.
     """
+    if limits not in (WITHIN, BETWEEN):
+        raise ControlChartError(f"limits {limits!r} are not known; choose {WITHIN} or {BETWEEN}")
     known = tuple(part for part in parts if part.turns >= 2 and math.isfinite(part.mean) and math.isfinite(part.spread))
     if len(known) < FEWEST_PARTS:
         raise ControlChartError(f"{len(known)} parts with two turns or more; a control chart needs {FEWEST_PARTS}")
-    if limits not in (WITHIN, BETWEEN):
-        raise ControlChartError(f"limits {limits!r} are not known; choose {WITHIN} or {BETWEEN}")
     make = _within if limits == WITHIN else _between
     return ControlCharts(known, limits, *make(known))
 

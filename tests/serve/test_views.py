@@ -126,7 +126,7 @@ def test_the_live_page_shows_revolutions_as_they_come(seen: Visit, stored: Store
     shown = page.evaluate("() => [...Bokeh.documents[0].roots()[0].renderers[0].data_source.data.y]")
     assert shown == pytest.approx(1e6 * (pitches - LEAD), abs=1e-6)
     assert drawn_charts(page) == {"live"}
-    assert page.inner_text("#section-live .curves li:not([hidden])") == "log, 1, 0 deg"
+    assert page.inner_text("#section-live .curves li:not([hidden]) span") == "log, 1, 0 deg"
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 360
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Annotated
 
 import typer
@@ -31,5 +32,5 @@ def serve(
         with printing():
             print(f"{store.address}\nopen {where}", flush=True)
 
-    with open_store(address) as store:
+    with open_store(address) as store, contextlib.suppress(KeyboardInterrupt):  # that is how one ends it
         serve_store(store, port, told)
