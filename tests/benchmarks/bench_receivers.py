@@ -1,4 +1,4 @@
-"""Receiver, broker and sender killed and restarted at random 50 times: ``python -m tests.benchmarks.bench_receivers``."""
+"""Receiver, broker and sender killed at random 50 times: ``python -m tests.benchmarks.bench_receivers``."""
 
 from __future__ import annotations
 
