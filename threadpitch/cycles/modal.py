@@ -104,6 +104,7 @@ class Modal:
     x: float | None = None
     z: float | None = None
     infeed_from: float | None = None  # x before the last rapid that moved X: the side on which the tool is clear
+    infeed_from_z: float | None = None  # z before the last rapid, where that moved Z alone
     shift_x: float = 0.0
     shift_z: float = 0.0
     motion: str = "G0"
@@ -149,6 +150,7 @@ class Modal:
         self.emit(Rapid(place.line, x, z), place)
         if x != self.x:
             self.infeed_from = self.x
+        self.infeed_from_z = self.z if x == self.x else None
         self.x, self.z = x, z
 
     def note(self, place: Place, text: str) -> None:

@@ -214,10 +214,11 @@ class SpindleSpeed(Move):
 
 @dataclass(frozen=True)
 class SurfaceSpeed(Move):
-    """Spindle on at a constant surface speed."""
+    """Spindle on at a constant surface speed, and at most at ``highest``."""
 
     speed: float  # m/s
     direction: Direction
+    highest: float = math.inf  # rad/s, of the spindle limit that holds
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,17 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from threadpitch.cycles.moves import TURN, Kind, Move, Pass, SpindleSpeed, SpindleStop, SurfaceSpeed, Thread
+from threadpitch.cycles.moves import (
+    TURN,
+    Kind,
+    Move,
+    Pass,
+    SpindleLimit,
+    SpindleSpeed,
+    SpindleStop,
+    SurfaceSpeed,
+    Thread,
+)
 
 SAME = 1e-9  # m; a tenth of a thousandth of the least input increment
 
@@ -45,28 +55,31 @@ def final_flank(passes: Sequence[Pass]) -> tuple[int, ...]:
 
 
 def spindle_of_passes(moves: Iterable[Move]) -> dict[int, SpindleSpeed | SurfaceSpeed | None]:
-    """By pass number, the spindle command that holds when the pass begins; None where the program gave none.
-
-    m/s along Z = lead along Z * speed / 2 pi: what an axis has to follow.
-    """
+    """By pass number, the spindle command that holds when the pass begins; None where the program gave none."""
     spindle: SpindleSpeed | SurfaceSpeed | None = None
+    highest = math.inf
     found: dict[int, SpindleSpeed | SurfaceSpeed | None] = {}
     for move in moves:
         if isinstance(move, SpindleSpeed | SurfaceSpeed):
             spindle = move
         elif isinstance(move, SpindleStop):
             spindle = None
+        elif isinstance(move, SpindleLimit):
+            highest = move.speed
         elif isinstance(move, Thread):
-            found.setdefault(move.pass_number, spindle)
+            limited = replace(spindle, highest=highest) if isinstance(spindle, SurfaceSpeed) else spindle
+            found.setdefault(move.pass_number, limited)
     return found
 
 
 def turning_speed(command: SpindleSpeed | SurfaceSpeed, cut: Pass) -> float:
-    """rad/s: as commanded; of a constant surface speed v / r at the pass's smallest radius, where it turns fastest."""
+    """rad/s: as commanded; of a constant surface speed v / r at the pass's smallest radius, where it turns fastest, up
+    to the spindle's limit.
+    """
     if isinstance(command, SpindleSpeed):
         return command.speed
     radius = min(abs(point.x) for path in cut.paths for point in (path.start, path.end))
-    return command.speed / radius if radius > 0.0 else math.inf
+    return min(command.highest, command.speed / radius) if radius > 0.0 else command.highest
 
 
 def largest_feed(cut: Pass, speed: float) -> float:
