@@ -16,6 +16,7 @@ from threadpitch.units import from_si
 TURN = 2.0 * math.pi
 Kind = Literal["rough", "finish", "spring"]
 Direction = Literal["forward", "reverse"]
+Hand = Literal["right", "left"]
 
 
 @dataclass(frozen=True)

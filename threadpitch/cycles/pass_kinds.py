@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from threadpitch.cycles.moves import (
     TURN,
+    Direction,
+    Hand,
     Kind,
     Move,
     Pass,
@@ -17,6 +19,7 @@ from threadpitch.cycles.moves import (
     SurfaceSpeed,
     Thread,
 )
+from threadpitch.units import from_si
 
 SAME = 1e-9  # m; a tenth of a thousandth of the least input increment
 
@@ -70,6 +73,40 @@ def spindle_of_passes(moves: Iterable[Move]) -> dict[int, SpindleSpeed | Surface
             limited = replace(spindle, highest=highest) if isinstance(spindle, SurfaceSpeed) else spindle
             found.setdefault(move.pass_number, limited)
     return found
+
+
+def hand_of(cut: Pass, direction: Direction = "forward") -> Hand | None:
+    """right: M3 and a feed towards -Z, or both the other way; left: one of them; None across a face, where Z stays."""
+    travel = cut.end.z - cut.start.z
+    if travel == 0.0:
+        return None
+    return "right" if (travel < 0.0) == (direction == "forward") else "left"
+
+
+def hands(passes: Iterable[Pass], moves: Iterable[Move]) -> tuple[Hand | None, ...]:
+    """The hand of every pass's thread; a spindle that no move has told turns forward."""
+    spindle = spindle_of_passes(moves)
+    commands = ((cut, spindle.get(cut.number)) for cut in passes)
+    return tuple(hand_of(cut, "forward" if command is None else command.direction) for cut, command in commands)
+
+
+def differently_turned(passes: Iterable[Pass], moves: Sequence[Move]) -> Iterator[tuple[int, str]]:
+    """Line and text for each pass that cuts the groove of a former one at another speed or in the other direction."""
+    lines = {move.pass_number: move.line for move in reversed(moves) if isinstance(move, Thread)}
+    spindle = spindle_of_passes(moves)
+    first: dict[tuple[float, ...], tuple[int, SpindleSpeed]] = {}
+    for cut in passes:
+        command = spindle.get(cut.number)
+        if not isinstance(command, SpindleSpeed):
+            continue
+        number, former = first.setdefault(_groove(cut), (cut.number, command))
+        if command.direction != former.direction:
+            yield lines[cut.number], (f"pass {cut.number} turns the other way than pass {number} in the same groove: "
+                                      "it crosses its thread")
+        elif command.speed != former.speed:
+            speeds = " and ".join(f"{from_si(one.speed, 'rpm'):.6g}" for one in (former, command))
+            yield lines[cut.number], (f"passes {number} and {cut.number} cut one groove at {speeds} rpm: where the lag "
+                                      "of the start stays, the second is shifted along Z")
 
 
 def turning_speed(command: SpindleSpeed | SurfaceSpeed, cut: Pass) -> float:

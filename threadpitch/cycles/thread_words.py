@@ -93,6 +93,9 @@ def thread_block(modal: Modal, words: BlockWords) -> None:
     x, z = modal.target(words)
     end = Point(begin.x if x is None else x, begin.z if z is None else z)
     wait = _wait(modal)
+    if modal.chain_is_broken:
+        modal.note(words.place, "a dwell or a spindle word ends the chain of threading blocks: this one waits for the "
+                   "one-turn signal anew")
     if wait is Wait.NONE and words.has("Q"):
         modal.note(words.place_of("Q"), "in a chain of threading blocks only the Q of the first counts")
     angle = taken_start_angle(modal, words)
