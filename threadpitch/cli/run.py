@@ -12,20 +12,23 @@ from threadpitch import cycles, lathe
 from threadpitch.cli.options import (
     AsJson,
     Assignments,
+    Control,
     Dialect,
     Flavor,
+    Increments,
     ParameterFiles,
     Replacements,
     StartAngles,
     Starts,
     Waiting,
+    increment_system,
     indexing,
     number,
     radians,
 )
 from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping
 from threadpitch.cli.printing import fail, printing, progress
-from threadpitch.cli.program import run_program
+from threadpitch.cli.program import Job, run_program
 from threadpitch.cosim.values import Given
 from threadpitch.faults import fault_names, read_fault
 from threadpitch.parameters import read_assignments, read_parameters
@@ -42,6 +45,8 @@ def run(
     dialect: Dialect = cycles.TOMATECH.name,
     starts: Starts = 1,
     wait: Waiting = "once",
+    increments: Increments = cycles.IncrementSystem.IS_B.value,
+    control: Control = None,
     assignments: Assignments = None,
     parameters: ParameterFiles = None,
     replace: Replacements = None,
@@ -96,6 +101,9 @@ def run(
                 replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
 
     if program is None:
+        if control is not None:
+            fail("--control belongs to --program; for a run without one use --set controller.fluctuation_limit=0.1 and "
+                 "the like")
         simulation = simulated(output, {}, None if chosen is None else chosen.stop_time)
         if chosen is not None and not as_json:
             with printing():
@@ -104,5 +112,7 @@ def run(
         return
     if results is not None or checkpoint is not None:
         fail("--results and --checkpoint hold one simulation; a program is several: leave them out")
-    setup = cycles.Setup(dialect=cycles.dialect_named(dialect), starts=starts, indexing=indexing(wait))
-    finish_program(run_program(program, setup, output, simulated), as_json)
+    setup = cycles.Setup(dialect=cycles.dialect_named(dialect), starts=starts, indexing=indexing(wait),
+                         increments=increment_system(increments))
+    kept = None if control is None else cycles.ParameterFile(control)
+    finish_program(run_program(Job(program, setup, kept), output, simulated), as_json)
