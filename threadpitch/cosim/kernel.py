@@ -106,8 +106,15 @@ def attach(at: Any) -> Any:
             carray(pointer(at[28, 0]), (np.int64(at[28, 1]),), np.float64),
             carray(pointer(at[29, 0]), (np.int64(at[29, 1]),), np.float64),
             carray(pointer(at[30, 0]), (np.int64(at[30, 1]),), np.float64),
-            carray(pointer(at[31, 0]), (np.int64(at[31, 1]),), np.intp),
-            carray(pointer(at[32, 0]), (np.int64(at[32, 1]),), np.uint8),
+            carray(pointer(at[31, 0]), (np.int64(at[31, 1]),), np.float64),
+            carray(pointer(at[32, 0]), (np.int64(at[32, 1]), np.int64(at[32, 2])), np.float64),
+            carray(pointer(at[33, 0]), (np.int64(at[33, 1]), np.int64(at[33, 2])), np.float64),
+            carray(pointer(at[34, 0]), (np.int64(at[34, 1]), np.int64(at[34, 2])), np.float64),
+            carray(pointer(at[35, 0]), (np.int64(at[35, 1]), np.int64(at[35, 2])), np.float64),
+            carray(pointer(at[36, 0]), (np.int64(at[36, 1]),), np.intp),
+            carray(pointer(at[37, 0]), (np.int64(at[37, 1]),), np.float64),
+            carray(pointer(at[38, 0]), (np.int64(at[38, 1]),), np.intp),
+            carray(pointer(at[39, 0]), (np.int64(at[39, 1]),), np.uint8),
         ),
     )
 
