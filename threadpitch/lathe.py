@@ -38,7 +38,7 @@ class LatheError(ValueError):
     """The simulation cannot answer the question that was asked; the message tells why and how to mend it."""
 
 
-class Simulation(Mapping[str, cosim.recording.Column]):
+class Simulation(Mapping[str, cosim.block.Column]):
     """What a simulated lathe leaves: recorded variables by name, and the passes that were cut.
 
     ``result["nominal_pitch.pitch[1]"]`` and ``result.time`` are (steps + 1,), the first row after initialisation.
@@ -82,7 +82,7 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         schedule = self.result.schedule
         return round(schedule.time(self.steps) - schedule.start_time, 12)
 
-    def __getitem__(self, name: str) -> cosim.recording.Column:
+    def __getitem__(self, name: str) -> cosim.block.Column:
         return self.result[name]
 
     def __iter__(self) -> Iterator[str]:
