@@ -51,6 +51,7 @@ class Pass:
     pitch: float | None = None  # m, lead / starts
     hand: Hand | None = None  # of the thread, where a program tells in which direction the spindle turns
     final_flank: bool = False  # of its start, the last pass that takes metal
+    target: float | None = None  # m, movement per turn that the calculator compares with
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +106,7 @@ def _pass(columns: Columns, calculator: str, rows: slice) -> Pass | None:
     in_metal = _in_metal(columns, pitch, ends)
     effective = None if in_metal is None else statistics(np.where(in_metal, pitch, np.nan))
     one = Pass(0, _start_number(columns, rows), PitchTable.of_pitches(pitch, starts), effective, pitch - target,
-               np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal)
+               np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal, target=target)
     return _described(columns, one, rows)
 
 

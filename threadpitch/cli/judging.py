@@ -39,6 +39,8 @@ class Findings:
     group: str
     verdict: Verdict | None
     tolerances: tuple[tuple[str, PitchConformity], ...]  # (of what, how it keeps to its tolerance)
+    measured: tuple[MeasuredThread, ...] = ()
+    target: float | None = None  # m, where it is known
 
 
 def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged) -> Findings:
@@ -53,7 +55,8 @@ def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged) -> Finding
     thread = None if asked.thread is None else parse_thread(asked.thread)
     measured = [] if asked.measured is None else read_measured(asked.measured)
     verdict = _verdict(group, measured, thread, asked) if measured else None
-    return Findings(group.label, verdict, tuple(_tolerances(group, measured, thread, asked)) if thread else ())
+    tolerances = tuple(_tolerances(group, measured, thread, asked)) if thread else ()
+    return Findings(group.label, verdict, tolerances, tuple(measured), _target(thread, asked))
 
 
 def findings_document(found: Findings) -> dict[str, object]:
@@ -80,14 +83,17 @@ def show_findings(console: Console, found: Findings) -> None:
 
 def _verdict(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], thread: Thread | None,
              asked: Judged) -> Verdict:
-    if asked.target_mm is not None:
-        target = to_si(asked.target_mm, "mm")
-    elif thread is not None:
-        target = thread.lead
-    else:
+    target = _target(thread, asked)
+    if target is None:
         fail("the target of the pitch is not known; give --target in mm, or --thread like M20x1.5-6g")
     return judge(group.table, measured, target=target, uncertainty=_si(asked.uncertainty_um, "um"),
                  screw_lead=_si(asked.screw_lead_mm, "mm"))
+
+
+def _target(thread: Thread | None, asked: Judged) -> float | None:
+    if asked.target_mm is not None:
+        return to_si(asked.target_mm, "mm")
+    return None if thread is None else thread.lead
 
 
 def _tolerances(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], thread: Thread,

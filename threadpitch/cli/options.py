@@ -25,6 +25,10 @@ SEVERAL = {
     "--platform": r"(linux|win|darwin)(64|-arm64)|(x86_64|aarch64)-[a-z]+",
 }
 
+STORE = "--store"
+# What may follow --store; anything else is the next argument, as in `threadpitch run --store models/threading_lathe`
+ADDRESS = r"default|[a-z+]+://.*|[^-].*\.(db|sqlite3?)"
+
 
 def number(text: str) -> float:
     """The finite number that a text states."""
