@@ -16,7 +16,8 @@ from threadpitch.passes import Pass
 from threadpitch.tables import pass_text, pitch_record, start_angles_deg
 from threadpitch.units import from_si
 
-FILES = ("trace.csv", "pitch.csv", "tables.txt", "result.json")
+METADATA = "metadata.json"
+FILES = ("trace.csv", "pitch.csv", "tables.txt", "result.json", METADATA)
 _TEMPORARY = ".threadpitch-"
 _CHOOSE = "choose another folder with --output"
 HEADER = ("calculator", "pass", "start_number", "start_angle_deg", "n", "pitch_mm", "deviation_um", "in_metal")
@@ -54,7 +55,8 @@ def check_folder(folder: str | Path) -> None:
 
 
 def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
-    """Write ``trace.csv``, ``pitch.csv``, ``tables.txt`` and ``result.json`` into a folder (made if need be).
+    """Write ``trace.csv``, ``pitch.csv``, ``tables.txt``, ``result.json``, ``metadata.json`` into a folder (made if
+    need be); the last tells how the run was made, and where its results are if they are not in ``trace.csv``.
 
     All are written aside first, so that the folder never holds half of a run; of a former run in the folder the
     files of these names are replaced, others stay. There is no ``trace.csv`` of a run whose results went to a file.
@@ -99,6 +101,9 @@ def _write_files(simulation: Simulation, folder: Path) -> None:
     text = "\n".join(pass_text(one) for one in simulation.passes)
     (folder / "tables.txt").write_text(text, encoding="utf-8")
     (folder / "result.json").write_text(json.dumps(run_document(simulation), indent=1) + "\n", encoding="utf-8")
+    path = simulation.result.path
+    made = {**simulation.result.metadata, "results": None if path is None else str(path.absolute())}
+    (folder / METADATA).write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
 
 
 def _pass_record(one: Pass) -> dict[str, object]:

@@ -20,6 +20,7 @@ from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch
 from threadpitch.runs import Labels
 from threadpitch.tables import analysis_document, show_groups
 from threadpitch.trace import ColumnChoice, Signals
+from threadpitch.units import to_si
 
 CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 
@@ -141,7 +142,7 @@ def _show(groups: Sequence[GroupPitch | StreamedPitch], found: Findings, stored:
         if as_json:
             print_json(analysis_document(groups) | findings_document(found) | stored)
         else:
-            show_groups(Console(), groups)
+            show_groups(Console(), groups, target=None if target is None else to_si(target, "mm"))
             show_findings(Console(), found)
             if stored:
                 print(stored_line(stored))
