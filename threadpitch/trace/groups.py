@@ -9,43 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from threadpitch.trace.choice import Chosen
-from threadpitch.trace.recording import IntArray, Trace, TraceError
+from threadpitch.trace.passes import Piece
+from threadpitch.trace.recording import Trace, TraceError
 from threadpitch.trace.signals import Clock, Continuous, Signals, estimated_latency, without_latency, without_outliers
 from threadpitch.trace.soundness import TURN, FloatArray
 
 _HALF_A_TURN = 0.5 * TURN
-_NO_GROUP = {"", "0", "false", "nan", "none", "off"}  # of a group's value: not threading
-
-
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """Neighbouring samples of one group, as the file gives them."""
-
-    label: str
-    opens: bool  # begins a group
-    angle: FloatArray  # (samples,)
-    position: FloatArray  # (samples,)
-    time: FloatArray | None = None  # (samples,)
-    lines: IntArray | None = None  # (samples,) line of the file, from 1
-
-
-class Labels(dict[str, str]):
-    """Text of the group column -> label, "" for rows that are not threading; each text is read once."""
-
-    def __missing__(self, text: str) -> str:
-        label = text.strip()
-        try:
-            number = float(label)
-            if number == 0.0:
-                label = ""
-            elif number.is_integer() and abs(number) < 1e15:
-                label = str(int(number))  # 1, 1.0 and 1e0 are one group
-        except ValueError:
-            pass
-        self[text] = "" if label.casefold() in _NO_GROUP else label
-        return self[text]
-
-
 @dataclass
 class Group:
     """A group while its pieces come: rad, m and s, the angle continuous and counted up."""
