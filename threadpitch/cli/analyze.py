@@ -12,32 +12,29 @@ from rich.console import Console
 
 from threadpitch.cli import log_options
 from threadpitch.cli.judging import Judged, find, findings_document, show_findings
+from threadpitch.cli.log_options import LogOptions
 from threadpitch.cli.options import AsJson, StartAngles, number, radians
 from threadpitch.cli.printing import counting, fail, print_json, printing
 from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch_table, pitch_tables, stream_pitches
 from threadpitch.tables import analysis_document, show_groups
-from threadpitch.trace import ColumnChoice, Signals
 
 CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 
 
+@log_options.with_log_options
 def analyze(
     log: Annotated[Path, typer.Argument(
         metavar="LOG", help="Log of a machine: CSV and other text (plain, .gz, or - for standard input), Parquet, "
                             "HDF5, MAT, TDMS, MDF.")],
-    angle: log_options.Angle = None,
-    position: log_options.Position = None,
-    angle_unit: log_options.AngleUnit = None,
-    position_unit: log_options.PositionUnit = None,
-    counts_per_turn: log_options.CountsPerTurn = None,
-    group: log_options.GroupColumn = None,
-    time: log_options.TimeColumn = None,
-    angle_wrap: log_options.AngleWrap = None,
-    position_wrap: log_options.PositionWrap = 0.0,
-    screw_lead: log_options.ScrewLead = None,
-    gear_ratio: log_options.GearRatio = 1.0,
-    position_counts_per_turn: log_options.PositionCounts = None,
-    latency: log_options.Latency = 0.0,
+    of_log: LogOptions,
+    index_enable: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="A pass begins where this column falls, and ends with the synchronous motion.")] = None,
+    synchronous: Annotated[bool, typer.Option(
+        "--synchronous", help="Passes are where the feed moves in step with the spindle (by --target, if given).")]
+    = False,
+    latency: Annotated[float, typer.Option(
+        metavar="MS|estimate", parser=log_options.latency,
+        help="The position was recorded so many ms later than the angle.")] = 0.0,
     outlier: Annotated[float | None, typer.Option(
         metavar="MM", parser=number,
         help="Put single positions that stick out by more than this between their neighbours.")] = None,
@@ -68,19 +65,20 @@ def analyze(
     as_json: AsJson = False,
 ) -> None:
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
-    asked = Judged(measured, target, uncertainty, screw_lead if ball_screw is None else ball_screw, thread, limit,
-                   engagement)
-    choice = ColumnChoice(angle, position, angle_unit, position_unit, group, time, counts_per_turn)
-    signals = Signals(angle_wrap, position_wrap, None if screw_lead is None else 1e-3 * screw_lead, gear_ratio,
-                      position_counts_per_turn, latency, None if outlier is None else 1e-3 * outlier)
+    screw = of_log.screw_lead if ball_screw is None else ball_screw
+    asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement)
+    choice = of_log.choice(index_enable)
+    signals = of_log.signals(latency=latency, outlier=None if outlier is None else 1e-3 * outlier,
+                             synchronous=synchronous, lead=None if target is None else 1e-3 * target)
+    whole = signals.needs_the_whole or index_enable is not None or crossing != "linear"
     starts = radians(start_angle or [0.0])
     interval = None if sample_interval is None else math.radians(sample_interval)
     groups: Sequence[GroupPitch | StreamedPitch]
     if crossing not in CROSSINGS:
         fail(f"crossing {crossing!r} is not known; choose {' or '.join(CROSSINGS)}")
-    if interval is not None and (crossing != "linear" or signals.needs_the_whole):
+    if interval is not None and whole:
         fail("positions stored at an interval are of linear crossings of signals as they are; leave out an option")
-    if signals.needs_the_whole or crossing != "linear":
+    if whole:
         groups = pitch_tables(log, choice, starts, signals, CROSSINGS[crossing])
     else:
         with counting("reading") as told:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from threadpitch.trace import sinumerik
 from threadpitch.trace.array_log import ArrayLog, Columns
 from threadpitch.trace.channels import Channel, aligned, clock_notes
 from threadpitch.trace.choice import ColumnChoice, is_time, time_factor
@@ -31,6 +32,8 @@ def array_format(path: Path) -> str:
     """The format that a file begins with; "" for none of them."""
     if path.is_dir():
         return "Parquet" if any(path.glob("*.parquet")) else ""
+    if not path.is_file():
+        return ""  # of a pipe nothing may be read twice
     try:
         with open(path, "rb") as file:
             start = file.read(_USER_BLOCK + 8)
@@ -38,6 +41,8 @@ def array_format(path: Path) -> str:
         return ""
     if start[_USER_BLOCK:].startswith(b"\x89HDF"):
         return "HDF5"
+    if sinumerik.ROOT in start:
+        return "SINUMERIK trace"
     return next((name for magic, name in _MAGIC if start.startswith(magic)), "")
 
 
@@ -48,7 +53,8 @@ def array_log(path: Path, name: str, choice: ColumnChoice) -> ArrayLog:
         TraceError: the library is missing, the file is damaged, a column is not there or cannot be told.
     """
     openers: dict[str, Callable[[Path, ColumnChoice], ArrayLog]] = {
-        "Parquet": _parquet, "HDF5": _hdf5, "TDMS": _tdms, "MDF": _mdf, "MAT": _mat}
+        "Parquet": _parquet, "HDF5": _hdf5, "TDMS": _tdms, "MDF": _mdf, "MAT": _mat,
+        "SINUMERIK trace": _sinumerik}
     with _damage_named(path, name):
         return openers[name](path, choice)
 
@@ -221,7 +227,7 @@ class Waveform:
         begin = self.offset
         if self.start is not None and reference.start is not None:
             begin += float((self.start - reference.start) / np.timedelta64(1, "us")) * 1e-6
-        return lambda first, last: begin + self.increment * np.arange(first, last)
+        return lambda first, last: begin + self.increment * np.arange(first, last, dtype=np.float64)
 
 
 def _waveform(properties: dict[str, Any]) -> Waveform | None:
@@ -263,6 +269,31 @@ def _mdf(path: Path, choice: ColumnChoice) -> ArrayLog:
     clocks = [group for group, _ in places]
     return _log(path, "MDF", Columns([*names, "time"], [*units, "s"], chunks, notes=clock_notes([*clocks, None])),
                 choice)
+
+
+def _sinumerik(path: Path, choice: ColumnChoice) -> ArrayLog:
+    """A trace of SINUMERIK Operate: signals by description and address, each with the time of its samples."""
+    session = sinumerik.read_session(path)
+    names = [signal.name for signal in session.signals]
+    instants = [signal.instants for signal in session.signals]
+    clocks = [next(k for k, other in enumerate(instants) if np.array_equal(one, other)) for one in instants]
+
+    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
+        def channel(i: int) -> Channel:
+            own = wanted[0] if i == len(names) else i
+            time = instants[own]
+            values = time if i == len(names) else session.signals[i].samples
+            return Channel([*names, "time"][i], time.size, lambda a, b: values[a:b], clocks[own],
+                           lambda a, b: time[a:b])
+
+        yield from aligned([channel(i) for i in wanted], CHUNK)
+
+    more = session.frames - 1
+    read = ("read as a trace of SINUMERIK Operate, whose layout is not published; it tells no units",
+            *([f"{more} further data frames of the file are not read"] if more else []))
+    columns = Columns([*names, "time"], [""] * len(names) + ["s"], chunks, sinumerik.ANGLE_UNIT,
+                      lambda chosen: (*read, *clock_notes([*clocks, None])(chosen)))
+    return _log(path, "SINUMERIK trace", columns, choice)
 
 
 def _silence_the_end(reader: Any) -> None:

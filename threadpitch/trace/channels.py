@@ -48,7 +48,8 @@ def aligned(channels: Sequence[Channel], step: int) -> Generator[list[Array]]:
     if any(one.size != first.size for one in channels if one.clock == first.clock) or any(
             one.instants is None or first.instants is None for one in foreign):
         lengths = {i: np.broadcast_to(0, one.size) for i, one in enumerate(channels)}
-        raise TraceError(f"{lengths_differ([one.name for one in channels], lengths)}; record the time of each beside it")
+        differ = lengths_differ([one.name for one in channels], lengths)
+        raise TraceError(f"{differ}; record the time of each beside it")
     followers = {one.name: _Follower(one, step) for one in foreign}
     begin, end = _common(channels) if foreign else (-np.inf, np.inf)
     for start in range(0, first.size, step):

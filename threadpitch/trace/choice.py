@@ -286,8 +286,9 @@ def _index(place: str, names: list[str], name: str) -> int:
                          "own")
     if name.isascii() and name.isdigit() and 1 <= int(name) <= len(names):
         return int(name) - 1
-    ends = [i for i, other in enumerate(names) if other.endswith(f"/{name.strip()}")]
-    if len(ends) == 1:
-        return ends[0]  # the last part of a path
+    parts = [i for i, other in enumerate(names)
+             if other.endswith(f"/{name.strip()}") or other.startswith(f"{name.strip()}: ")]
+    if len(parts) == 1:
+        return parts[0]  # the last part of a path, or a description before an address
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.4) or names[:12]
     raise TraceError(f"{place}: there is no column {brief(name)}; nearest are {', '.join(map(brief, near))}")

@@ -35,7 +35,7 @@ class TextLog:
         self._texts = headed(texts, source)
         try:
             self._begin(choice)
-        except TraceError:
+        except BaseException:
             self.close()
             raise
 

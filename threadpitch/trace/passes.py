@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,12 @@ class Piece:
     lines: IntArray | None = None  # (samples,) line of the file, from 1
     angle_b: FloatArray | None = None  # (samples,) level B of the encoder
     index: FloatArray | None = None  # (samples,) one-turn pulse
+
+    def part(self, samples: slice) -> Piece:
+        """Some of the samples."""
+        arrays: dict[str, Any] = {name: value[samples] for name, value in vars(self).items()
+                                  if isinstance(value, np.ndarray)}
+        return replace(self, **arrays)
 
 
 class Labels(dict[str, str]):
@@ -97,15 +104,20 @@ class Cutter:
     def _runs(self, size: int, groups: Array | None, numbers: Numbers) -> Iterator[tuple[int, int, str]]:
         if size == 0:
             return
-        values, name_of = groups, lambda value: self._labels[_text(value)]
+        values = groups
+        name_of: Callable[[Any], str] = self._label_of
         if self.chosen.index_enable is not None:
-            values, name_of = self._falls_so_far(numbers(self.chosen.index_enable, slice(0, size))), _fall
+            values = self._falls_so_far(numbers(self.chosen.index_enable, slice(0, size)))
+            name_of = _fall
         if values is None:
             yield 0, size, "1"
             return
         borders = [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1).tolist(), size]
-        for first, last in zip(borders[:-1], borders[1:], strict=True):
+        for first, last in pairwise(borders):
             yield first, last, name_of(values[first])
+
+    def _label_of(self, value: Any) -> str:
+        return self._labels[_text(value)]
 
     def _falls_so_far(self, levels: FloatArray) -> IntArray:
         """Number of times that the index enable has fallen, and 0 while it is high."""

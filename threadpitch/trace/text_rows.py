@@ -12,7 +12,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import BinaryIO, TextIO
 
 from threadpitch.trace.choice import brief
 from threadpitch.trace.recording import TraceError
@@ -116,7 +116,7 @@ def _bytes_of(path: Path) -> Iterator[io.BufferedReader]:
 class _Filled(io.RawIOBase):
     """Fills what it is asked for, where a pipe would give what is there: the first look sees enough."""
 
-    def __init__(self, source: io.BufferedIOBase) -> None:
+    def __init__(self, source: BinaryIO | io.BufferedIOBase) -> None:
         self._source = source
 
     def readable(self) -> bool:
