@@ -242,14 +242,14 @@ def _mdf(path: Path, choice: ColumnChoice) -> ArrayLog:
     asammdf = _library("asammdf", path, "mdf")
     for reader in (asammdf.blocks.mdf_v3.MDF3, asammdf.blocks.mdf_v4.MDF4):
         _silence_the_end(reader)
-    with asammdf.MDF(path) as file:
+    with open(path, "rb") as stream, asammdf.MDF(stream) as file:  # asammdf leaves a damaged file open
         places = [(g, c) for g, group in enumerate(file.groups) for c, _ in enumerate(group.channels)
                   if file.masters_db.get(g) != c]
         names = [file.groups[g].channels[c].name for g, c in places]
         units = [file.groups[g].channels[c].unit or "" for g, c in places]
 
     def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
-        with asammdf.MDF(path) as file:
+        with open(path, "rb") as stream, asammdf.MDF(stream) as file:  # asammdf leaves a damaged file open
             def channel(i: int) -> Channel:
                 group, index = places[wanted[0] if i == len(places) else i]
 
