@@ -72,7 +72,7 @@ class TextLog:
     def _of_text(self, text: Text, cutter: Cutter) -> Iterator[Piece]:
         group = self.chosen.group
         numbers = [column for column in self.chosen.columns if column != group]
-        fast = fast_text.columns_of(text.text, self._head, numbers, group)
+        fast = fast_text.columns_of(text, self._head, numbers, group)
         if fast is None:
             yield from self._of_rows(split(text, self._head, self.source), cutter)
             return

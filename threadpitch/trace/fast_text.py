@@ -18,6 +18,7 @@ import numpy as np
 from threadpitch.trace.passes import Array
 from threadpitch.trace.soundness import FloatArray
 from threadpitch.trace.text_head import Head
+from threadpitch.trace.text_rows import Text
 
 LEAST = 1 << 14  # characters; shorter texts are not worth the call
 _TWO_WAYS = ('"', "#", "%", "//", "(", "_")  # quotes, comments, nan(...), 1_0
@@ -32,17 +33,16 @@ class Columns:
     texts: Array | None
 
 
-def columns_of(text: str, head: Head, numbers: Sequence[int], texts: int | None) -> Columns | None:
+def columns_of(block: Text, head: Head, numbers: Sequence[int], texts: int | None) -> Columns | None:
     """Columns of numbers and a column of texts out of whole lines; None where the rows must be read one by one."""
     arrow = _arrow()
-    if arrow is None or len(text) < LEAST or any(mark in text for mark in _TWO_WAYS):
+    text = block.text
+    if arrow is None or len(text) < LEAST or texts in numbers or any(mark in text for mark in _TWO_WAYS):
         return None
     if head.words:
         text = _with_single_blanks(text)
     wanted = [*numbers, *([] if texts is None else [texts])]
     types = {str(column): arrow.float64() for column in numbers}
-    if texts is not None and texts in numbers:
-        return None
     if texts is not None:
         types[str(texts)] = arrow.dictionary(arrow.int32(), arrow.string())
     try:
@@ -54,7 +54,7 @@ def columns_of(text: str, head: Head, numbers: Sequence[int], texts: int | None)
                                      null_values=[], decimal_point="," if head.decimal_comma else "."))
     except (arrow.ArrowException, ValueError):
         return None
-    if table.num_rows != text.count("\n") + (not text.endswith("\n")):
+    if table.num_rows != block.count:
         return None
     found = {column: np.ascontiguousarray(table.column(str(column)).to_numpy()) for column in numbers}
     return Columns(table.num_rows, found, None if texts is None else _texts_of(table.column(str(texts))))

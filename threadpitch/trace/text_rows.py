@@ -31,6 +31,7 @@ class Text:
 
     text: str
     before: int  # lines of the file above them
+    count: int  # of the lines
 
 
 @dataclass(frozen=True)
@@ -56,28 +57,29 @@ def texts_of(path: Path) -> Generator[str]:
     """A text file, a pipe, or ``-``, plain or packed by gzip, in texts of whole lines.
 
     Raises:
-        TraceError: the file is missing, a directory, binary, cut off, or holds a gigantic line.
+        TraceError: the file is missing, a directory, binary or cut off.
     """
     with _opened(path) as stream:
-        yield from _texts(stream, str(path))
+        yield from _texts(stream)
 
 
 def headed(texts: Iterable[str], source: str) -> Generator[tuple[Head, Text]]:
     """The texts below the head of a file, with the head, which is found in the first of them (``text_head``).
 
     Raises:
-        TraceError: the file is empty, or holds only comments.
+        TraceError: the file is empty, holds only comments, a zero byte or a gigantic line.
     """
     head: Head | None = None
     line = 0  # lines above the text
     for text in texts:
+        _refuse_what_is_no_text(text, source, line + 1)
         count = text.count("\n") + (not text.endswith("\n"))
         if head is not None:
-            yield head, Text(text, line)
+            yield head, Text(text, line, count)
         elif text.strip():
             lines = text.split("\n")
             head = find_head(lines[:count], source, line)
-            yield head, Text("\n".join(lines[head.lines :]), line + head.lines)
+            yield head, Text("\n".join(lines[head.lines :]), line + head.lines, count - head.lines)
         line += count
     if head is None:
         raise TraceError(f"{source}: the file is empty; give a log with a header and rows")
@@ -157,15 +159,12 @@ def _encoding(start: bytes, source: str) -> str:
     return "utf-8-sig"
 
 
-def _texts(stream: TextIO, source: str) -> Iterator[str]:
+def _texts(stream: TextIO) -> Iterator[str]:
     """Texts of whole lines; memory is bounded whatever the file holds. The first is short: it is split for the head."""
-    line = 1
     size = _LOOKED_AT
     while text := stream.read(size):
         if not text.endswith("\n"):
             text += stream.readline(LONGEST_LINE)
-        _refuse_what_is_no_text(text, source, line)
-        line += text.count("\n")
         yield text
         size = BLOCK
 
