@@ -22,7 +22,8 @@ from urllib.parse import quote
 import jsonschema
 import numpy as np
 import pytest
-from paho.mqtt.client import CallbackAPIVersion, Client
+from paho.mqtt.client import Client, MQTTMessage
+from paho.mqtt.enums import CallbackAPIVersion
 
 from tests.conftest import Command
 from tests.publish.certificates import make_identity
@@ -76,7 +77,11 @@ def publish_run(store_file: Path, url: str, machine: str = "Lathe 3") -> int:
 def listen(port: int, found: dict[str, dict[str, Any]], enough: Callable[[], bool]) -> None:
     """Take what is retained, by topic."""
     client = Client(CallbackAPIVersion.VERSION2)
-    client.on_message = lambda _, __, message: found.setdefault(message.topic, json.loads(message.payload))
+
+    def on_message(_: Client, __: object, message: MQTTMessage) -> None:
+        found.setdefault(message.topic, json.loads(message.payload))
+
+    client.on_message = on_message
     client.connect("127.0.0.1", port)
     client.subscribe("#", qos=1)
     client.loop_start()

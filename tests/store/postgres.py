@@ -60,10 +60,10 @@ class Server:
         self._process = None
 
     def _child(self, name: str, *arguments: str | Path) -> subprocess.Popen[bytes]:
-        user = {"user": "postgres", "group": "postgres", "extra_groups": []} if os.getuid() == 0 else {}
+        user = "postgres" if os.getuid() == 0 else None  # it refuses to run as root
         with (self.folder / "log").open("ab") as log:
             return subprocess.Popen([self._binaries / name, *arguments], stdout=log, stderr=log, cwd=self.folder,
-                                    **user)  # type: ignore[call-overload] # it refuses to run as root
+                                    user=user, group=user, extra_groups=None if user is None else [])
 
     def _log(self) -> str:
         return (self.folder / "log").read_text(encoding="utf-8")

@@ -23,6 +23,7 @@ from threadpitch.cli.cycle import cycle
 from threadpitch.cli.options import ADDRESS, SEVERAL, STORE
 from threadpitch.cli.printing import complain, printing
 from threadpitch.cli.publish import publish
+from threadpitch.cli.report import report
 from threadpitch.cli.resume import resume
 from threadpitch.cli.run import run
 from threadpitch.cli.store import store
@@ -35,6 +36,7 @@ from threadpitch.parameters import ParameterFileError
 from threadpitch.pitch import PitchError
 from threadpitch.program_parameters import OperationError
 from threadpitch.publish import PublishError
+from threadpitch.report.content import ReportError
 from threadpitch.report.figure import PlotError
 from threadpitch.store import DEFAULT, StoreError
 from threadpitch.tolerance import ToleranceError
@@ -42,14 +44,14 @@ from threadpitch.trace import TraceError
 from threadpitch.units import UnitError
 
 _KNOWN_ERRORS = (ApproachError, cosim.CosimError, lathe.LatheError, BuildError, CycleError, JudgementError, ModelError,
-                 OperationError, ParameterFileError, PitchError, PlotError, PublishError, StoreError, ToleranceError,
-                 TraceError, UnitError, OSError)
+                 OperationError, ParameterFileError, PitchError, PlotError, PublishError, ReportError, StoreError,
+                 ToleranceError, TraceError, UnitError, OSError)
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
                   context_settings={"help_option_names": ["-h", "--help"]},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
-for _command in (run, resume, check, analyze, watch, build, cycle, approach, publish):
+for _command in (run, resume, check, analyze, watch, build, cycle, approach, report, publish):
     app.command()(_command)
 app.add_typer(store, name="store")
 

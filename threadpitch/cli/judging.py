@@ -14,6 +14,7 @@ from threadpitch.cli.printing import fail
 from threadpitch.judgement import Evidence, MeasuredThread, Verdict, judge, verdict_document
 from threadpitch.judgement.measured_file import read_measured
 from threadpitch.pitch import GroupPitch, StreamedPitch
+from threadpitch.sparkline import verdict_line
 from threadpitch.tables import printable
 from threadpitch.tolerance import PitchConformity, Thread, parse_thread, pitch_conformity
 from threadpitch.units import from_si, to_si
@@ -73,6 +74,7 @@ def show_findings(console: Console, found: Findings) -> None:
     """The verdict and the tolerances as text."""
     if found.verdict is not None:
         console.print(Text(f"Verdict on the measured pitches, against group {printable(found.group)}", style="bold"))
+        console.print(verdict_line(found.verdict.cause, printable(found.verdict.sentence)))
         for line in _verdict_lines(found.verdict):
             console.print(Text(printable(line)), soft_wrap=False)
     for name, one in found.tolerances:
@@ -124,7 +126,7 @@ def _si(value: float | None, unit: str) -> float | None:
 
 
 def _verdict_lines(verdict: Verdict) -> list[str]:
-    lines = [verdict.sentence, *(f"  - {line}" for line in verdict.advice), *_evidence_lines(verdict.evidence)]
+    lines = [*(f"  - {line}" for line in verdict.advice), *_evidence_lines(verdict.evidence)]
     lines += [f"Note: {note}" for note in verdict.notes]
     for number, row in enumerate(verdict.rows, start=1):
         lines.append(f"Measured row {number}: {row.sentence}")
