@@ -27,6 +27,7 @@ def run_document(simulation: Simulation) -> dict[str, object]:
     """The result as a JSON document: passes with P(n) in mm per start angle (null where a turn is missing), counts."""
     return {
         "passes": [_pass_record(one) for one in simulation.passes],
+        "alarm": simulation.alarm or None,
         "steps": simulation.steps,
         "simulated_s": simulation.simulated,
         "wall_s": simulation.wall_time,
@@ -121,7 +122,7 @@ def _told(one: Pass) -> dict[str, object]:
     lengths = {"depth_mm": one.depth, "lead_mm": one.lead, "groove_pitch_mm": one.pitch}
     told = {name: None if value is None else from_si(value, "mm") for name, value in lengths.items()}
     angle = None if one.start_angle is None else from_si(one.start_angle, "deg")
-    return {"kind": one.kind, **told, "start_angle_deg": angle, "final_flank": one.final_flank}
+    return {"kind": one.kind, **told, "start_angle_deg": angle, "hand": one.hand, "final_flank": one.final_flank}
 
 
 def _write_pitches(simulation: Simulation, path: Path) -> None:

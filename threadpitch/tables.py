@@ -109,13 +109,14 @@ def pass_text(one: Pass, layout: Layout | None = None) -> str:
 
 
 def pass_description(one: Pass) -> str:
-    """Kind, depth, start angle, lead and pitch of a pass in two lines; empty where the system does not tell them."""
+    """Kind, depth, start angle, lead, pitch and hand of a pass in two lines; empty where the system tells nothing."""
     if one.kind is None or one.depth is None or one.start_angle is None or one.lead is None or one.pitch is None:
         return ""
     depth, lead, pitch = (from_si(value, "mm") for value in (one.depth, one.lead, one.pitch))
     flank = ", makes the final flank" if one.final_flank else ""
     return (f"{one.kind}, depth {depth:.4f} mm{flank}\n"
-            f"start angle {from_si(one.start_angle, 'deg'):.6g} deg, lead {lead:.6g} mm, pitch {pitch:.6g} mm")
+            f"start angle {from_si(one.start_angle, 'deg'):.6g} deg, lead {lead:.6g} mm, pitch {pitch:.6g} mm"
+            f"{'' if one.hand is None else f', {one.hand}-hand'}")
 
 
 def pitch_renderable(table: PitchTable, layout: Layout | None = None) -> RenderableType:

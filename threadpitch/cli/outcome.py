@@ -67,6 +67,7 @@ def _program_document(simulations: Sequence[lathe.Simulation]) -> dict[str, obje
     passes = [one for document in documents for one in document["passes"]]  # type: ignore[attr-defined] # a list
     return {
         "passes": passes,
+        "alarm": next((simulation.alarm for simulation in simulations if simulation.alarm), None),
         "steps": sum(simulation.steps for simulation in simulations),
         "simulated_s": sum(simulation.simulated for simulation in simulations),
         "wall_s": sum(simulation.wall_time for simulation in simulations),
@@ -76,8 +77,8 @@ def _program_document(simulations: Sequence[lathe.Simulation]) -> dict[str, obje
 
 
 def _warn(simulation: lathe.Simulation) -> None:
-    slow = simulation.axis_too_slow()
-    for warning in [*([slow] if slow else []), *simulation.result.warnings]:
+    told = [text for text in (simulation.alarm, simulation.axis_too_slow()) if text]
+    for warning in [*told, *simulation.result.warnings]:
         complain(f"warning: {warning}")
 
 

@@ -14,20 +14,23 @@ from threadpitch.cli.kept import Asked, check_store, keeping_run
 from threadpitch.cli.options import (
     AsJson,
     Assignments,
+    Control,
     Dialect,
     Flavor,
+    Increments,
     ParameterFiles,
     Replacements,
     StartAngles,
     Starts,
     Waiting,
+    increment_system,
     indexing,
     number,
     radians,
 )
 from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping
 from threadpitch.cli.printing import fail, printing, progress
-from threadpitch.cli.program import run_program
+from threadpitch.cli.program import Job, run_program
 from threadpitch.cosim.values import Given
 from threadpitch.faults import fault_names, read_fault
 from threadpitch.parameters import read_assignments, read_parameters
@@ -45,6 +48,8 @@ def run(
     dialect: Dialect = cycles.TOMATECH.name,
     starts: Starts = 1,
     wait: Waiting = "once",
+    increments: Increments = cycles.IncrementSystem.IS_B.value,
+    control: Control = None,
     assignments: Assignments = None,
     parameters: ParameterFiles = None,
     replace: Replacements = None,
@@ -108,6 +113,9 @@ def run(
     cut = program_name or ("" if program is None else program.name)
     kept = Asked(store, tuple(publish or ()), Labels(machine, cut, thread, serial, note))
     if program is None:
+        if control is not None:
+            fail("--control belongs to --program; for a run without one use --set controller.fluctuation_limit=0.1 and "
+                 "the like")
         with keeping_run(kept, "simulation", system) as keeper:
             simulation = simulated(output, {}, None if chosen is None else chosen.stop_time)
             if chosen is not None and not as_json:
@@ -119,5 +127,7 @@ def run(
     if results is not None or checkpoint is not None:
         fail("--results and --checkpoint hold one simulation; a program is several: leave them out")
     check_store(kept)
-    setup = cycles.Setup(dialect=cycles.dialect_named(dialect), starts=starts, indexing=indexing(wait))
-    finish_program(run_program(program, setup, output, simulated), as_json, kept, str(program))
+    setup = cycles.Setup(dialect=cycles.dialect_named(dialect), starts=starts, indexing=indexing(wait),
+                         increments=increment_system(increments))
+    words = None if control is None else cycles.ParameterFile(control)
+    finish_program(run_program(Job(program, setup, words), output, simulated), as_json, kept, str(program))

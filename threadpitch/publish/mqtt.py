@@ -87,6 +87,8 @@ class MqttSender:
                 with contextlib.suppress(OSError, ValueError, RuntimeError):
                     client.disconnect()
                 client.loop_stop()
+                if (connection := client.socket()) is not None:  # paho leaves that of a refused connection open
+                    connection.close()
             self._ends.wait(PAUSES[min(tries, len(PAUSES) - 1)])
             tries += 1
 
