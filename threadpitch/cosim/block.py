@@ -111,7 +111,12 @@ class Channels:
 
 
 def _restlessness(channel: Channel) -> int:
-    return 0 if channel.variable.fixed else 1 if channel.variable.discrete else 2
+    """How often a value may be expected to change: never, as one of many at events, at events, always."""
+    if channel.variable.fixed:
+        return 0
+    if channel.variable.discrete:
+        return 1 if channel.variable.name.endswith("]") else 2
+    return 3
 
 
 def _pieces(by_width: Mapping[int, Sequence[Channel]]) -> Iterator[Piece]:

@@ -14,7 +14,7 @@ from threadpitch.cosim.events import EventRecord
 from threadpitch.cosim.schedule import Schedule
 
 BLOCK_SIZE = 32 * 2**20  # bytes
-BLOCK_ROWS = 2**15
+BLOCK_ROWS = 2**15  # that go to a file together; memory takes what comes in large pieces
 _TOGETHER = 256  # rows whose places are written at once
 
 
@@ -149,7 +149,9 @@ class Recorder:
         self.by_width = self.layout.by_width
         count = schedule.steps // every + 1
         self.takings = tuple(takings) or (Taking(self.layout, MemoryRows(self.layout, count)),)
-        self._size = min(count, BLOCK_ROWS, max(1, BLOCK_SIZE // max(self.layout.row_words * WORD, 1)))
+        files = any(not isinstance(taking.sink, MemoryRows) for taking in self.takings)
+        most = max(1, BLOCK_SIZE // max(self.layout.row_words * WORD, 1))
+        self._size = min(count, most, BLOCK_ROWS if files else most)
         self.drained = 0
         self.steps = 0
         self.events: list[EventRecord] = []
