@@ -102,8 +102,10 @@ class GroupStream:
 
 def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
                    signals: Signals | None = None, *, interval: float | None = None,
-                   told: Callable[[int], None] | None = None) -> list[StreamedPitch]:
-    """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece.
+                   told: Callable[[int], None] | None = None,
+                   taken: Callable[[str, Piece], None] | None = None) -> list[StreamedPitch]:
+    """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece,
+    ``taken`` gets each piece itself with the label of its group.
 
     With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``).
 
@@ -123,6 +125,8 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
                     found.append(now.result())
                 now = GroupStream(group, start_angles, interval)
             now.add(piece)
+            if taken is not None:
+                taken(group.label, piece)
             if told is not None:
                 told(piece.angle.size)
     if now is not None:
