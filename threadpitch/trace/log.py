@@ -15,6 +15,7 @@ from threadpitch.trace.groups import Group, grouped, traces
 from threadpitch.trace.live import live_texts
 from threadpitch.trace.passes import Piece
 from threadpitch.trace.recording import Trace
+from threadpitch.trace.scope_file import scope_log
 from threadpitch.trace.signals import Signals
 from threadpitch.trace.text_rows import STANDARD_INPUT, texts_of
 
@@ -39,7 +40,13 @@ def open_log(path: Path, choice: ColumnChoice) -> Log:
         TraceError: whatever keeps the file from being read, a column that is not there or cannot be told.
     """
     name = "" if str(path) == STANDARD_INPUT else array_format(path)
-    return array_log(path, name, choice) if name else TextLog(str(path), texts_of(path), choice)
+    if name:
+        return array_log(path, name, choice)
+    log = TextLog(str(path), texts_of(path), choice)
+    if not log.head.sample_times or not path.is_file():
+        return log
+    log.close()
+    return scope_log(path, log.head, choice)
 
 
 def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) \
