@@ -109,6 +109,15 @@ def test_signals_of_two_clocks_are_brought_together(tmp_path: Path, monkeypatch:
     np.testing.assert_array_equal(group.table.pitch, whole.table.pitch)
 
 
+@pytest.mark.parametrize("name", [name for name in WRITERS if name != "log.h5"])
+def test_the_time_is_no_angle(tmp_path: Path, name: str) -> None:
+    WRITERS[name](tmp_path / name)
+    time = "time [ms]" if name == "scope.csv" else "time"
+    for choice in (ColumnChoice(angle=time), ColumnChoice(position=time)):
+        with pytest.raises(TraceError, match="the time is neither angle nor position; choose other columns"):
+            stream_pitches(tmp_path / name, choice)
+
+
 def test_lengths_that_differ_without_a_time_are_refused(tmp_path: Path) -> None:
     import h5py
     with h5py.File(tmp_path / "log.h5", "w") as file:

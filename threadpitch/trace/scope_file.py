@@ -20,6 +20,7 @@ from threadpitch.trace.text_head import Head
 from threadpitch.trace.text_rows import rows_of
 
 _MS = 1e-3  # s
+_TIME = "time [ms]"
 _CHUNK = 1 << 18  # rows that are brought together at once
 
 
@@ -37,14 +38,14 @@ def scope_log(path: Path, head: Head, choice: ColumnChoice) -> ArrayLog:
         def channel(i: int) -> Channel:
             own = wanted[0] if i == len(names) else i
             time, samples = recorded[own]
-            values = time if i == len(names) else samples
-            return Channel([*names, "time"][i], time.size, lambda a, b: values[a:b], head.sample_times[own],
+            values = time / _MS if i == len(names) else samples
+            return Channel([*names, _TIME][i], time.size, lambda a, b: values[a:b], head.sample_times[own],
                            lambda a, b: time[a:b])
 
         yield from aligned([channel(i) for i in wanted], _CHUNK)
 
     notes = clock_notes([*head.sample_times, None])
-    columns = Columns([*names, "time"], [*units, "s"], chunks, notes=lambda chosen: (*head.notes, *notes(chosen)))
+    columns = Columns([*names, _TIME], [*units, "ms"], chunks, True, notes=lambda chosen: (*head.notes, *notes(chosen)))
     return ArrayLog(str(path), columns, choice)
 
 
