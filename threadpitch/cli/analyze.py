@@ -124,7 +124,8 @@ class Reading:
 def _groups(reading: Reading, keeper: Keeper | None) -> Sequence[GroupPitch | StreamedPitch]:
     log, choice, starts, signals = reading.log, reading.choice, reading.start_angles, reading.signals
     if reading.whole:
-        found = pitch_tables(log, choice, starts, signals, CROSSINGS[reading.crossing])
+        with counting("reading") as told:
+            found = pitch_tables(log, choice, starts, signals, CROSSINGS[reading.crossing], told=told)
         if keeper is not None:
             for group in found:
                 keeper.sample(group.label, group.trace)
