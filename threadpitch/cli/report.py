@@ -12,6 +12,7 @@ from rich.text import Text
 
 from threadpitch.cli import log_options
 from threadpitch.cli.analyze import CROSSINGS
+from threadpitch.cli.log_options import LogOptions
 from threadpitch.cli.options import StartAngles, number, radians
 from threadpitch.cli.printing import fail, printing
 from threadpitch.judgement.measured_file import read_measured
@@ -24,15 +25,16 @@ from threadpitch.report.recorded_run import read_run
 from threadpitch.sparkline import deviation_lines, verdict_line
 from threadpitch.tables import printable
 from threadpitch.tolerance import parse_thread
-from threadpitch.trace import ColumnChoice, Signals
 from threadpitch.units import to_si
 
 _NAMED = 3  # threads in a title
 
 
+@log_options.with_log_options
 def report(
     inputs: Annotated[list[Path], typer.Argument(
         metavar="RESULT|LOG ...", help="Folder of a run, or a log; of several the curves lie over one another.")],
+    of_log: LogOptions,
     output: Annotated[Path, typer.Option(
         "--output", "-o", metavar="FILE", help="FILE.html, one file that opens offline, or FILE.pdf.")]
     = Path("report.html"),
@@ -41,19 +43,9 @@ def report(
     chosen: Annotated[str | None, typer.Option(
         "--pass", metavar="NAME|all", help="Pass of a run or group of a log.",
         show_default="what makes the final flank, the last group")] = None,
-    angle: log_options.Angle = None,
-    position: log_options.Position = None,
-    angle_unit: log_options.AngleUnit = None,
-    position_unit: log_options.PositionUnit = None,
-    counts_per_turn: log_options.CountsPerTurn = None,
-    group: log_options.GroupColumn = None,
-    time: log_options.TimeColumn = None,
-    angle_wrap: log_options.AngleWrap = None,
-    position_wrap: log_options.PositionWrap = 0.0,
-    screw_lead: log_options.ScrewLead = None,
-    gear_ratio: log_options.GearRatio = 1.0,
-    position_counts_per_turn: log_options.PositionCounts = None,
-    latency: log_options.Latency = 0.0,
+    latency: Annotated[float, typer.Option(
+        metavar="MS|estimate", parser=log_options.latency,
+        help="The position was recorded so many ms later than the angle.")] = 0.0,
     outlier: Annotated[float | None, typer.Option(
         metavar="MM", parser=number,
         help="Put single positions that stick out by more than this between their neighbours.")] = None,
@@ -82,13 +74,12 @@ def report(
     check_output(output)
     if crossing not in CROSSINGS:
         fail(f"crossing {crossing!r} is not known; choose {' or '.join(CROSSINGS)}")
-    choice = ColumnChoice(angle, position, angle_unit, position_unit, group, time, counts_per_turn)
-    signals = Signals(angle_wrap, position_wrap, None if screw_lead is None else 1e-3 * screw_lead, gear_ratio,
-                      position_counts_per_turn, latency, None if outlier is None else 1e-3 * outlier)
+    choice = of_log.choice()
+    signals = of_log.signals(latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
     designation = None if thread is None else parse_thread(thread)
     wanted = _si(target, "mm") if target is not None or designation is None else designation.lead
     question = LogQuestion(wanted, () if measured is None else tuple(read_measured(measured)), _si(uncertainty, "um"),
-                           _si(screw_lead if ball_screw is None else ball_screw, "mm"))
+                           _si(of_log.screw_lead if ball_screw is None else ball_screw, "mm"))
     starts = radians(start_angle or [0.0])
 
     def threads_of(path: Path) -> list[Thread]:
