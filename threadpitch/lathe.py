@@ -53,12 +53,18 @@ class Simulation(Mapping[str, cosim.block.Column]):
         self._numbers: tuple[int, ...] = ()
         self._final: frozenset[int] = frozenset()
         self._hands: tuple[Hand | None, ...] = ()
+        self._largest_lead: float | None = None
 
-    def numbered(self, numbers: Sequence[int], final: Iterable[int], hands: Sequence[Hand | None] = ()) -> Simulation:
-        """The same, its passes with a program's numbers and hands; those numbered ``final`` make the final flanks."""
+    def numbered(self, numbers: Sequence[int], final: Iterable[int], hands: Sequence[Hand | None] = (),
+                 largest_lead: float | None = None) -> Simulation:
+        """The same, its passes with a program's numbers and hands; those numbered ``final`` make the final flanks.
+
+        ``largest_lead`` (m per turn along Z) is that of all blocks, where it is not the controller's first.
+        """
         other = Simulation(self.result, self.flavor)
         other._numbers, other._final = tuple(numbers), frozenset(final)
         other._hands = tuple(hands) or (None,) * len(numbers)
+        other._largest_lead = largest_lead
         return other
 
     @property
@@ -127,6 +133,7 @@ class Simulation(Mapping[str, cosim.block.Column]):
         if not all(name in self._turning for name in names):
             return ""
         lead, speed, limit = (float(self._turning[name][0]) for name in names)
+        lead = lead if self._largest_lead is None else self._largest_lead
         if lead * speed / (2.0 * math.pi) <= limit:
             return ""
         return (f"{from_si(lead, 'mm'):.6g} mm a turn at {from_si(speed, 'rpm'):.6g} rpm is more than the Z axis does; "
