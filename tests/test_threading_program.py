@@ -245,6 +245,26 @@ def test_threads_across_a_face_are_left_along_z() -> None:
     assert beside.parameters["controller.infeed_axis"] == "x"
 
 
+@pytest.mark.parametrize(("text", "slope"), [
+    ("G97 S600 M3\nG0 X16. Z5.\nG76 P011060 Q50 R0.05\nG76 X20. Z-8. P920 Q500 F1.5\n", 0.0),
+    ("G97 S600 M3\nG0 X30. Z5.\nG76 P011060 Q50 R0.05\nG76 X22. Z-8. R-2. P920 Q500 F1.5\n", -2.0 / 13.0)])
+def test_the_workpiece_is_that_of_the_thread(text: str, slope: float) -> None:
+    """Internal and tapered: the first chip has depth^2 tan(30 degrees), and the last pass is as deep as the words."""
+    (operation,) = program(text)
+    result = lathe.simulate(parameters={**operation.parameters, "cutting.material": "almgsi1"},
+                            stop_time=operation.stop_time, record=["outputs", "cutting.taper"])
+    assert result["cutting.taper"][0] == pytest.approx(slope)
+    first, last = operation.passes[0], operation.passes[-1]
+    rows = (result["controller.threading"] == 1) & (result["controller.z_command"] < -2e-3)
+    rows &= result["controller.z_command"] > -6e-3
+    for one in (first, last):
+        cut = rows & (result["controller.pass_number"] == one.number)
+        depth = np.median(result["cutting.groove_depth"][cut])
+        assert depth == pytest.approx(one.depth, abs=0.03e-3)  # the tool and the workpiece yield
+    chip = np.median(result["cutting.chip_area"][rows & (result["controller.pass_number"] == 1)])
+    assert chip == pytest.approx((first.depth or 0.0) ** 2 * math.tan(math.radians(30.0)), rel=0.15)
+
+
 def test_parameters_of_the_control_reach_the_machine() -> None:
     interpretation = interpret(read_program(SHORT))
     control = ControlParameters(speed_fluctuation_percent=10, acceleration_type=2)

@@ -22,10 +22,21 @@ from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
 from threadpitch.cycles.moves import Hand
 from threadpitch.fmu import available_compiler, cached_fmu
-from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE, FloatArray, Pass, ToolPath, alarm_text, find_passes
+from threadpitch.passes import (
+    CONTROLLER,
+    TOLD,
+    WORKPIECE,
+    FloatArray,
+    Pass,
+    ToolPath,
+    alarm_text,
+    find_passes,
+    hold_text,
+)
 from threadpitch.pitch import PitchTable
 from threadpitch.replacement import replacements
 from threadpitch.units import from_si
+from threadpitch.workpiece import following
 
 DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
@@ -172,7 +183,7 @@ class Simulation(Mapping[str, cosim.block.Column]):
         threading = self._threading()
         stop = self.result.schedule.time(self.steps)
         if not threading.any():
-            mend = self.alarm or self._why_not_at_speed() or "choose a longer stop time"
+            mend = self.alarm or hold_text(self.result) or self._why_not_at_speed() or "choose a longer stop time"
             return f"no threading until the stop at {stop:g} s; {mend}"
         began = float(self._turning.time[int(np.argmax(threading))])
         return (f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; "
@@ -232,7 +243,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
                                                                     (Z_DRIVE, "speed_limit"))
                       if component in plan.descriptions and name in plan.descriptions[component].variables]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
-        chosen = _following(chosen, calculators, cutters) | chosen
+        chosen = following(chosen, calculators, cutters) | chosen
         watch = _watch(calculators, controllers, [*limits, *alarms])
         watch = cosim.Watch(watch.record, (*watch.on, *alarms))
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
@@ -272,14 +283,6 @@ def _watch(calculators: Sequence[str], controllers: Sequence[str], limits: Seque
         record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
     record += limits
     return cosim.Watch(tuple(record), tuple(on))
-
-
-def _following(chosen: Mapping[str, Given], calculators: Sequence[str], cutters: Sequence[str]) -> dict[str, Given]:
-    """Targets and workpiece of another thread of the controller, for where they are not given themselves."""
-    followers = (("lead", "pitch_target", calculators), ("x_surface", "surface_radius", cutters),
-                 ("z_face", "face", cutters), ("starts", "starts", cutters))
-    return {f"{name}.{variable}": chosen[f"{CONTROLLER}.{source}"] for source, variable, names in followers
-            for name in names if f"{CONTROLLER}.{source}" in chosen}
 
 
 def choose_flavor(flavor: str | None = None) -> str:

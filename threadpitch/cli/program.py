@@ -45,6 +45,9 @@ def run_program(job: Job, output: Path, simulate: Simulate) -> list[tuple[lathe.
     result = job.interpreted()
     for notice in result.notices:
         remark(f"note: {notice}")
+    across = [one.number for one in result.passes if any(path.long_axis == "x" for path in one.paths)]
+    if across:
+        remark(f"note: pass {across[0]} has its lead along X: P(n) below is the movement along Z, not its lead")
     steps = operations(result, control=None if job.control is None else result.parameters)
     hands = dict(zip((one.number for one in result.passes), cycles.hands(result.passes, result.moves), strict=True))
     final = cycles.final_flank(result.passes)
