@@ -22,10 +22,21 @@ from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
 from threadpitch.cycles.moves import Hand
 from threadpitch.fmu import available_compiler, cached_fmu
-from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE, FloatArray, Pass, ToolPath, alarm_text, find_passes
+from threadpitch.passes import (
+    CONTROLLER,
+    TOLD,
+    WORKPIECE,
+    FloatArray,
+    Pass,
+    ToolPath,
+    alarm_text,
+    find_passes,
+    hold_text,
+)
 from threadpitch.pitch import PitchTable
 from threadpitch.replacement import replacements
 from threadpitch.units import from_si
+from threadpitch.workpiece import following
 
 DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
@@ -53,12 +64,18 @@ class Simulation(Mapping[str, cosim.block.Column]):
         self._numbers: tuple[int, ...] = ()
         self._final: frozenset[int] = frozenset()
         self._hands: tuple[Hand | None, ...] = ()
+        self._largest_lead: float | None = None
 
-    def numbered(self, numbers: Sequence[int], final: Iterable[int], hands: Sequence[Hand | None] = ()) -> Simulation:
-        """The same, its passes with a program's numbers and hands; those numbered ``final`` make the final flanks."""
+    def numbered(self, numbers: Sequence[int], final: Iterable[int], hands: Sequence[Hand | None] = (),
+                 largest_lead: float | None = None) -> Simulation:
+        """The same, its passes with a program's numbers and hands; those numbered ``final`` make the final flanks.
+
+        ``largest_lead`` (m per turn along Z) is that of all blocks, where it is not the controller's first.
+        """
         other = Simulation(self.result, self.flavor)
         other._numbers, other._final = tuple(numbers), frozenset(final)
         other._hands = tuple(hands) or (None,) * len(numbers)
+        other._largest_lead = largest_lead
         return other
 
     @property
@@ -127,6 +144,7 @@ class Simulation(Mapping[str, cosim.block.Column]):
         if not all(name in self._turning for name in names):
             return ""
         lead, speed, limit = (float(self._turning[name][0]) for name in names)
+        lead = lead if self._largest_lead is None else self._largest_lead
         if lead * speed / (2.0 * math.pi) <= limit:
             return ""
         return (f"{from_si(lead, 'mm'):.6g} mm a turn at {from_si(speed, 'rpm'):.6g} rpm is more than the Z axis does; "
@@ -165,7 +183,7 @@ class Simulation(Mapping[str, cosim.block.Column]):
         threading = self._threading()
         stop = self.result.schedule.time(self.steps)
         if not threading.any():
-            mend = self.alarm or self._why_not_at_speed() or "choose a longer stop time"
+            mend = self.alarm or hold_text(self.result) or self._why_not_at_speed() or "choose a longer stop time"
             return f"no threading until the stop at {stop:g} s; {mend}"
         began = float(self._turning.time[int(np.argmax(threading))])
         return (f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; "
@@ -225,7 +243,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
                                                                     (Z_DRIVE, "speed_limit"))
                       if component in plan.descriptions and name in plan.descriptions[component].variables]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
-        chosen = _following(chosen, calculators, cutters) | chosen
+        chosen = following(chosen, calculators, cutters) | chosen
         watch = _watch(calculators, controllers, [*limits, *alarms])
         watch = cosim.Watch(watch.record, (*watch.on, *alarms))
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
@@ -265,14 +283,6 @@ def _watch(calculators: Sequence[str], controllers: Sequence[str], limits: Seque
         record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
     record += limits
     return cosim.Watch(tuple(record), tuple(on))
-
-
-def _following(chosen: Mapping[str, Given], calculators: Sequence[str], cutters: Sequence[str]) -> dict[str, Given]:
-    """Targets and workpiece of another thread of the controller, for where they are not given themselves."""
-    followers = (("lead", "pitch_target", calculators), ("x_surface", "surface_radius", cutters),
-                 ("z_face", "face", cutters), ("starts", "starts", cutters))
-    return {f"{name}.{variable}": chosen[f"{CONTROLLER}.{source}"] for source, variable, names in followers
-            for name in names if f"{CONTROLLER}.{source}" in chosen}
 
 
 def choose_flavor(flavor: str | None = None) -> str:
