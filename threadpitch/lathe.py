@@ -210,7 +210,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
              step_size: float | None = None, flavor: str | None = None,
              replace: Mapping[str, str | Path] | None = None, record: Iterable[str] | None = None,
              record_every: int = 1, record_on: Iterable[str] = (), results: str | Path | None = None,
-             checkpoint: str | Path | None = None, checkpoint_every: float = 60.0,
+             checkpoint: str | Path | None = None, checkpoint_every: float = 60.0, method: cosim.Method | None = None,
              isolate: bool | Iterable[str] = False, progress: Progress | None = None) -> Simulation:
     """Simulate a lathe: a folder with SystemStructure.ssd, an .ssd or an .ssp, or a shipped one such as the default.
 
@@ -219,7 +219,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
     from the system. FMUs that the system names and that do not lie beside it are built from ``fmu_src``,
     in the flavor "native" or "python"; None takes native FMUs where a C compiler is found. ``replace`` names by
     component another .fmu, or a model file (.py), which is built. What is recorded (default:
-    all outputs and what the passes are found by), where it goes, checkpoints and isolation are those of
+    all outputs and what the passes are found by), where it goes, checkpoints, method and isolation are those of
     ``cosim.simulate``; the passes are found whatever is recorded.
 
     Raises:
@@ -249,7 +249,8 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
                                 record_every=record_every, record_on=record_on, watch=watch, results=results,
-                                checkpoint=checkpoint, checkpoint_every=checkpoint_every, isolate=isolate,
+                                checkpoint=checkpoint, checkpoint_every=checkpoint_every, method=method,
+                                isolate=isolate,
                                 progress=progress, about={
                                     "flavor": flavor, "replace": {name: str(path.absolute()) for name, path
                                                                   in chosen_fmus.items()}})
