@@ -20,11 +20,23 @@ from threadpitch import cosim
 from threadpitch.cosim.master import Progress
 from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
+from threadpitch.cycles.moves import Hand
 from threadpitch.fmu import available_compiler, cached_fmu
-from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE, FloatArray, Pass, ToolPath, find_passes
+from threadpitch.passes import (
+    CONTROLLER,
+    TOLD,
+    WORKPIECE,
+    FloatArray,
+    Pass,
+    ToolPath,
+    alarm_text,
+    find_passes,
+    hold_text,
+)
 from threadpitch.pitch import PitchTable
 from threadpitch.replacement import replacements
 from threadpitch.units import from_si
+from threadpitch.workpiece import following
 
 DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
@@ -51,12 +63,30 @@ class Simulation(Mapping[str, cosim.block.Column]):
         self._turning = result if result.watched is None else result.watched  # rows in which turns end, or all
         self._numbers: tuple[int, ...] = ()
         self._final: frozenset[int] = frozenset()
+        self._hands: tuple[Hand | None, ...] = ()
+        self._largest_lead: float | None = None
 
-    def numbered(self, numbers: Sequence[int], final: Iterable[int]) -> Simulation:
-        """The same, its passes with the numbers that a program gives them; ``final`` make the final flanks."""
+    def numbered(self, numbers: Sequence[int], final: Iterable[int], hands: Sequence[Hand | None] = (),
+                 largest_lead: float | None = None) -> Simulation:
+        """The same, its passes with a program's numbers and hands; those numbered ``final`` make the final flanks.
+
+        ``largest_lead`` (m per turn along Z) is that of all blocks, where it is not the controller's first.
+        """
         other = Simulation(self.result, self.flavor)
         other._numbers, other._final = tuple(numbers), frozenset(final)
+        other._hands = tuple(hands) or (None,) * len(numbers)
+        other._largest_lead = largest_lead
         return other
+
+    @property
+    def begun_passes(self) -> int:
+        """How many passes began, a last one without a whole turn too."""
+        return int(np.count_nonzero(np.diff(self._threading().astype(np.int8), prepend=np.int8(0)) > 0))
+
+    @property
+    def alarm(self) -> str:
+        """The alarm that stopped the controller, when, and how to mend it; empty where there was none."""
+        return alarm_text(self._turning, self._turning.time)
 
     @property
     def time(self) -> FloatArray:
@@ -104,8 +134,9 @@ class Simulation(Mapping[str, cosim.block.Column]):
         found = find_passes(self._turning, calculator, self._threading())
         if not self._numbers:
             return found
-        return tuple(replaced(one, number=number, final_flank=number in self._final)
-                     for one, number in ((one, self._numbers[one.number - 1]) for one in found))
+        told = [(one, one.number - 1) for one in found]
+        return tuple(replaced(one, number=self._numbers[k], hand=self._hands[k],
+                              final_flank=self._numbers[k] in self._final) for one, k in told)
 
     def axis_too_slow(self) -> str:
         """What to say where lead x speed is more than the Z axis does; nothing where it is not, or not told."""
@@ -113,6 +144,7 @@ class Simulation(Mapping[str, cosim.block.Column]):
         if not all(name in self._turning for name in names):
             return ""
         lead, speed, limit = (float(self._turning[name][0]) for name in names)
+        lead = lead if self._largest_lead is None else self._largest_lead
         if lead * speed / (2.0 * math.pi) <= limit:
             return ""
         return (f"{from_si(lead, 'mm'):.6g} mm a turn at {from_si(speed, 'rpm'):.6g} rpm is more than the Z axis does; "
@@ -151,10 +183,11 @@ class Simulation(Mapping[str, cosim.block.Column]):
         threading = self._threading()
         stop = self.result.schedule.time(self.steps)
         if not threading.any():
-            mend = self._why_not_at_speed() or "choose a longer stop time"
+            mend = self.alarm or hold_text(self.result) or self._why_not_at_speed() or "choose a longer stop time"
             return f"no threading until the stop at {stop:g} s; {mend}"
         began = float(self._turning.time[int(np.argmax(threading))])
-        return f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; choose a longer stop time"
+        return (f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; "
+                f"{self.alarm or 'choose a longer stop time'}")
 
     def _why_not_at_speed(self) -> str:
         """What to say where the spindle has not come near its commanded speed; nothing where it has."""
@@ -205,12 +238,14 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
                            if {"z_face", "start_number"} <= description.variables.keys()]
             cutters = [name for name, description in plan.descriptions.items()
                        if {"surface_radius", "groove_position"} <= description.variables.keys()]
+            alarms = [f"{name}.alarm" for name in controllers if "alarm" in plan.descriptions[name].variables]
             limits = [f"{component}.{name}" for component, name in ((CONTROLLER, "commanded_speed"),
                                                                     (Z_DRIVE, "speed_limit"))
                       if component in plan.descriptions and name in plan.descriptions[component].variables]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
-        chosen = _following(chosen, calculators, cutters) | chosen
-        watch = _watch(calculators, controllers, limits)
+        chosen = following(chosen, calculators, cutters) | chosen
+        watch = _watch(calculators, controllers, [*limits, *alarms])
+        watch = cosim.Watch(watch.record, (*watch.on, *alarms))
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
                                 record_every=record_every, record_on=record_on, watch=watch, results=results,
@@ -249,14 +284,6 @@ def _watch(calculators: Sequence[str], controllers: Sequence[str], limits: Seque
         record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
     record += limits
     return cosim.Watch(tuple(record), tuple(on))
-
-
-def _following(chosen: Mapping[str, Given], calculators: Sequence[str], cutters: Sequence[str]) -> dict[str, Given]:
-    """Targets and workpiece of another thread of the controller, for where they are not given themselves."""
-    followers = (("lead", "pitch_target", calculators), ("x_surface", "surface_radius", cutters),
-                 ("z_face", "face", cutters), ("starts", "starts", cutters))
-    return {f"{name}.{variable}": chosen[f"{CONTROLLER}.{source}"] for source, variable, names in followers
-            for name in names if f"{CONTROLLER}.{source}" in chosen}
 
 
 def choose_flavor(flavor: str | None = None) -> str:

@@ -11,18 +11,21 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from threadpitch.cosim.values import Given
-from threadpitch.cycles import G76Cycle, Interpretation, Pass, spindle_of_passes
+from threadpitch.cycles import ControlParameters, G76Cycle, Interpretation, Pass, spindle_of_passes
 from threadpitch.cycles import passes as passes_of_cycle
+from threadpitch.cycles.chain_blocks import without_inner_run_outs
 from threadpitch.cycles.dialect import Clamping, Finishing
-from threadpitch.cycles.moves import TURN, SpindleSpeed, SurfaceSpeed, ThreadPath, Wait
-from threadpitch.cycles.pass_kinds import SAME
+from threadpitch.cycles.moves import TURN, Point, SpindleSpeed, SurfaceSpeed, Wait
+from threadpitch.cycles.thread_starts import in_order_of_starts, runs, shape_of, with_start_numbers
 
-MOST_BLOCKS = 8  # of a chain in the controller
+MOST_BLOCKS = 32  # of a chain in the controller
 MOST_DEPTHS = 32  # of its list of passes
 EXTERNAL_HEIGHT = 17.0 / 24.0 * math.sqrt(3.0) / 2.0  # of the pitch, ISO 68-1 and ISO 965-1: depth of the root
+START_MODES = ("catch_up", "s_shaped", "exponential")  # of parameter 253: 0 linear, 1 S, 2 exponential
 _LONGEST_SPIN_UP = 3.0  # s
 _RAPID = 0.25  # m/s, slow enough for a stop time
-_MARGIN = 0.3  # s a pass for accelerations
+_MARGIN = 0.5  # s a pass for accelerations and until the axes are in position
+_SPEED_CHANGE = 1.0  # s a pass under constant surface speed, for the spindle to follow X
 
 Spindle = SpindleSpeed | SurfaceSpeed | None
 
@@ -48,47 +51,79 @@ class Operation:
     passes: tuple[Pass, ...]
 
 
-def operations(program: Interpretation, workpiece: Workpiece | None = None) -> tuple[Operation, ...]:
+def operations(program: Interpretation, workpiece: Workpiece | None = None,
+               control: ControlParameters | None = None) -> tuple[Operation, ...]:
     """The operations of a program, to be run one after the other, each from where its first pass is approached.
 
+    ``control`` gives parameters 106 and 253 to the machine; None leaves it its own fluctuation limit and start.
+
     Raises:
-        OperationError: no pass, no spindle speed, a chain of more than 8 blocks, a run-out amid a chain.
+        OperationError: no pass, no spindle speed, a chain of more than 32 blocks.
     """
     if not program.passes:
         raise OperationError("the program cuts no thread; write G32, G33, G34, G76 or G92")
     piece = workpiece or Workpiece()
     spindle = spindle_of_passes(program.moves)
+    set_up = {} if control is None else _of_control(control)
     made: list[Operation] = []
     cycles = list(program.cycles)
-    left = list(program.passes)
+    left = [without_inner_run_outs(one) for one in with_start_numbers(program.passes, program.moves)]
     while left:
         if left[0].depth is not None:
             cycle = cycles.pop(0)
             taken = left[:len(passes_of_cycle(cycle))]
+            if not taken:  # m = 0 and all of the height as allowance
+                continue
             own = _multiple(cycle, piece)
         else:
             taken = _alike(left, spindle)
             own = _list(taken, piece)
         del left[:len(taken)]
-        made.append(_operation(own, taken, _speed(spindle.get(taken[0].number), taken[0])))
+        made.append(_operation({**set_up, **own}, taken, spindle.get(taken[0].number)))
     return tuple(made)
 
 
-def _operation(own: Mapping[str, Given], passes: Sequence[Pass], speed: float) -> Operation:
+def _operation(own: Mapping[str, Given], passes: Sequence[Pass], spindle: Spindle) -> Operation:
     first = passes[0]
-    values = {"commanded_speed": speed, "x_clear": first.approach.x, **own}
+    values = {**_spindle(spindle, first), "x_clear": first.approach.x, **_infeed_axis(first), **own}
     named: dict[str, Given] = {f"controller.{name}": value for name, value in values.items()}
     named |= {"z_drive.initial_position": first.approach.z, "x_drive.initial_position": first.approach.x}
-    return Operation(named, _stop_time(passes, speed), tuple(passes))
+    return Operation(named, _stop_time(passes, spindle), tuple(passes))
 
 
-def _speed(spindle: Spindle, one: Pass) -> float:
-    """rad/s; of a constant surface speed that at the X where the pass begins."""
+def _spindle(spindle: Spindle, first: Pass) -> dict[str, Given]:
+    """Speed, and of a constant surface speed that with its limit."""
+    values: dict[str, Given] = {"commanded_speed": _speed(spindle, first, first.start)}
+    if isinstance(spindle, SurfaceSpeed):
+        values["surface_speed"] = spindle.speed
+        if spindle.highest < math.inf:
+            values["highest_speed"] = spindle.highest
+    return values
+
+
+def _speed(spindle: Spindle, one: Pass, at: Point) -> float:
+    """rad/s; of a constant surface speed that at the X of a point of the pass."""
     if isinstance(spindle, SpindleSpeed) and spindle.speed > 0.0:
         return spindle.speed
-    if isinstance(spindle, SurfaceSpeed) and spindle.speed > 0.0 and one.start.x != 0.0:
-        return spindle.speed / abs(one.start.x)
+    if isinstance(spindle, SurfaceSpeed) and spindle.speed > 0.0:
+        if at.x == 0.0 and spindle.highest == math.inf:
+            raise OperationError(f"pass {one.number} is on the turning axis under constant surface speed; write its "
+                                 "highest spindle speed with G50 S, or G97")
+        return min(spindle.highest, spindle.speed / abs(at.x)) if at.x else spindle.highest
     raise OperationError(f"pass {one.number} finds no turning spindle; write S and M3 before it")
+
+
+def _infeed_axis(first: Pass) -> dict[str, Given]:
+    """Z where the tool came to a thread across a face along Z; else X."""
+    if first.paths[0].long_axis == "x" and first.approach.z != first.start.z and first.depth is None:
+        return {"infeed_axis": "z", "z_clear": first.approach.z}
+    return {"infeed_axis": "x"}
+
+
+def _of_control(control: ControlParameters) -> dict[str, Given]:
+    """Parameters 106 (percent) and 253."""
+    return {"fluctuation_limit": control.speed_fluctuation_percent / 100.0,
+            "start_mode": START_MODES[int(control.acceleration_type)]}
 
 
 def _multiple(cycle: G76Cycle, piece: Workpiece) -> dict[str, Given]:
@@ -114,7 +149,8 @@ def _list(passes: Sequence[Pass], piece: Workpiece) -> dict[str, Given]:
     """Passes that differ in X only, by their depths under the surface."""
     first = passes[0]
     starts = max(one.start_number for one in passes)
-    ends = [one.paths[0].end.x for one in passes[::starts]]
+    by_start = in_order_of_starts(passes)
+    ends = [one.paths[0].end.x for one in (passes[:len(passes) // starts] if by_start else passes[::starts])]
     outside = first.approach.x >= ends[-1]
     deepest = min(ends) if outside else max(ends)
     below = [abs(x - deepest) for x in ends]  # how far each is above the deepest
@@ -124,7 +160,8 @@ def _list(passes: Sequence[Pass], piece: Workpiece) -> dict[str, Given]:
     values: dict[str, Given] = {
         "z_face": piece.face, "x_surface": deepest + (height if outside else -height),
         "cycle": "list", "lead": path.lead, "lead_change": path.lead_change, "starts": starts, "start": 0,
-        "start_order": "pass_by_pass", "first_start_angle": path.start_angle, "z_start": path.start.z,
+        "start_order": "start_by_start" if by_start else "pass_by_pass",
+        "first_start_angle": path.start_angle, "z_start": path.start.z,
         "z_end": path.end.z, "x_thread": deepest, "taper": path.taper, "thread_height": height,
         "run_out_length": 0.0 if run_out is None else run_out.length,
         "run_out_height": 0.0 if run_out is None else abs(run_out.height),
@@ -135,14 +172,13 @@ def _list(passes: Sequence[Pass], piece: Workpiece) -> dict[str, Given]:
 
 def _chain(one: Pass, moved: float) -> dict[str, Given]:
     """The threading blocks after the first, their X as that of the deepest pass."""
-    further = one.paths[1:]
+    paths = one.paths
+    if len(paths) > MOST_BLOCKS:
+        raise OperationError(f"pass {one.number} is a chain of {len(paths)} threading blocks, run-outs amid it counted "
+                             f"as their own; the controller takes {MOST_BLOCKS}: write fewer")
+    further = paths[1:]
     if not further:
         return {}
-    if len(one.paths) > MOST_BLOCKS:
-        raise OperationError(f"pass {one.number} is a chain of {len(one.paths)} threading blocks; the controller takes "
-                             f"{MOST_BLOCKS}")
-    if any(path.run_out is not None for path in one.paths[:-1]):
-        raise OperationError(f"pass {one.number} runs out amid its chain; keep the run-out for its last block")
     return {
         "further_blocks": len(further), "further_z": [path.end.z for path in further],
         "further_x": [path.end.x + moved for path in further], "further_lead": [path.lead for path in further],
@@ -154,12 +190,12 @@ def _chain(one: Pass, moved: float) -> dict[str, Given]:
 
 def _alike(passes: Sequence[Pass], spindle: Mapping[int, Spindle]) -> list[Pass]:
     """The passes from the first on that make one list: cuts of all starts, one after the other, deeper or not."""
-    shape = _shape(passes[0])
-    turning = _turning(spindle.get(passes[0].number))
+    run = next(runs(passes, spindle))
+    if in_order_of_starts(run) and len(run) <= MOST_DEPTHS * len(_starts_of(run)):
+        return run
     taken: list[Pass] = []
-    for cut in _cuts(passes):
-        first = cut[0]
-        same = _shape(first) == shape and _turning(spindle.get(first.number)) == turning
+    for cut in _cuts(run):
+        same = shape_of(cut[0], 0.0) == shape_of(run[0], 0.0)
         if taken and not (same and len(cut) == len(_starts_of(taken)) and len(taken) // len(cut) < MOST_DEPTHS):
             break
         taken += cut
@@ -183,30 +219,14 @@ def _cuts(passes: Sequence[Pass]) -> list[list[Pass]]:
     return cuts
 
 
-def _turning(spindle: Spindle) -> tuple[object, ...]:
-    return () if spindle is None else (type(spindle), spindle.speed, spindle.direction)
-
-
-def _shape(one: Pass) -> tuple[object, ...]:
-    """All of a pass but its X: equal for passes that one list can hold."""
-    return (_rounded(one.approach.x), _rounded(one.approach.z), *(_path_shape(path, one) for path in one.paths))
-
-
-def _path_shape(path: ThreadPath, one: Pass) -> tuple[object, ...]:
-    run_out = None if path.run_out is None else (_rounded(path.run_out.length), _rounded(path.run_out.height))
-    return (_rounded(path.start.z), _rounded(path.end.z), _rounded(path.end.x - one.paths[0].end.x),
-            _rounded(path.taper), _rounded(path.lead), _rounded(path.lead_change), round(path.start_angle, 9), run_out,
-            path.wait)
-
-
-def _rounded(length: float) -> int:
-    return round(length / SAME)
-
-
-def _stop_time(passes: Sequence[Pass], speed: float) -> float:
+def _stop_time(passes: Sequence[Pass], spindle: Spindle) -> float:
     """Enough for the spin-up, and for every pass: the wait for the start, its turns, the stop, the way back."""
     total = _LONGEST_SPIN_UP
+    if isinstance(spindle, SurfaceSpeed):
+        total += _SPEED_CHANGE * len(passes)
     for one in passes:
+        widest = max((one.start, one.end), key=lambda at: abs(at.x))
+        speed = _speed(spindle, one, widest)
         turns = sum(path.turns for path in one.paths)
         turns += sum(1.0 for path in one.paths if path.wait is not Wait.NONE) + 1.0
         length = abs(one.end.z - one.approach.z) + abs(one.end.x - one.approach.x)

@@ -6,20 +6,20 @@ import codecs
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 from threadpitch.trace.recording import TraceError
-from threadpitch.trace.text_rows import LONGEST_LINE, STANDARD_INPUT
+from threadpitch.trace.text_rows import GZIP, LONGEST_LINE, STANDARD_INPUT
 
 _POLL = 0.002  # s, between two looks at a file that did not grow
 _BYTES = 1 << 16  # that are read at once
 _HEAD = 4  # lines that must be there before the first are handed on: names, units, and rows for the decimal sign
 
 
-def live_lines(path: Path, idle: float) -> Iterator[list[str]]:
-    """Whole lines in the order in which they come; without the end of a line that never came.
+def live_texts(path: Path, idle: float) -> Generator[str]:
+    """Texts of whole lines in the order in which they come; without the end of a line that never came.
 
     Raises:
         TraceError: the file is missing or became shorter, or holds a gigantic line or zero bytes.
@@ -28,6 +28,8 @@ def live_lines(path: Path, idle: float) -> Iterator[list[str]]:
     waiting: list[str] = []  # lines before the head is whole
     rest, count = "", 0
     for data in _bytes_of(path, idle):
+        if not count and not rest and data.startswith(GZIP):
+            raise TraceError(f"{path}: is packed by gzip, which cannot be read while it is written; analyze it")
         text = rest + decoder.decode(data)
         *lines, rest = text.split("\n")
         count += len(lines)
@@ -41,10 +43,10 @@ def live_lines(path: Path, idle: float) -> Iterator[list[str]]:
             waiting += lines
             continue
         if waiting or lines:
-            yield [*waiting, *lines]
+            yield "\n".join([*waiting, *lines, ""])
             waiting = []
     if waiting or rest.strip():
-        yield [*waiting, rest]
+        yield "\n".join([*waiting, rest])
 
 
 def _bytes_of(path: Path, idle: float) -> Iterator[bytes]:
