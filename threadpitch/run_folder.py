@@ -33,16 +33,22 @@ def run_document(simulation: Simulation) -> dict[str, object]:
     }
 
 
-def check_folder(folder: str | Path) -> None:
+def check_folder(folder: str | Path, *others: Path | None) -> None:
     """Refuse a folder that cannot take a run, before the run instead of after it; nothing is left behind.
 
+    ``others`` are files that the run writes besides.
+
     Raises:
-        OSError: a file is in the way, or the folder, or the one that it would be made in, cannot be written.
+        OSError: a file is in the way, one of the others has the name of a file of the folder, or the folder,
+            or the one that it would be made in, cannot be written.
     """
     folder = Path(folder)
     for name in FILES:
         if (folder / name).is_dir():
             raise IsADirectoryError(f"{folder / name} is a folder; {_CHOOSE}")
+        for other in others:
+            if other is not None and other.resolve() == (folder / name).resolve():
+                raise FileExistsError(f"{other}: {name} of this folder is another file of the run; choose another name")
     nearest = next((one for one in (folder, *folder.parents) if os.path.lexists(one)), Path())
     if not nearest.is_dir():
         raise NotADirectoryError(f"{nearest} is not a folder; {_CHOOSE}")

@@ -25,12 +25,13 @@ from threadpitch.cosim.events import EventRecord
 from threadpitch.cosim.memory import Memory
 from threadpitch.cosim.metadata import differences
 from threadpitch.cosim.network import Network
+from threadpitch.cosim.places import CHECKPOINT, written
 from threadpitch.cosim.recording import Block, Channels, MemoryRows, Recorder
 
 _Bytes: TypeAlias = bytes | memoryview
 
 FORMAT = 1
-_DOCUMENT, _DIGEST = "checkpoint.json", "sha256"
+_DOCUMENT, _DIGEST = CHECKPOINT, "sha256"
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first that ZIP knows: equal states make equal files
 
 
@@ -133,7 +134,8 @@ def write_checkpoint(path: Path, network: Network, metadata: Mapping[str, Any], 
         kept = taking.sink.close() if isinstance(taking.sink, MemoryRows) else nothing
         for word, block in (("kept", kept), ("last", taking.last or nothing)):
             members |= {name: _raw(array) for name, array in _block_arrays(f"rows/{number}/{word}", block)}
-    _write(path, members | {_DIGEST: _digest(members).encode()})
+    with written(path):
+        _write(path, members | {_DIGEST: _digest(members).encode()})
 
 
 def read_checkpoint(path: str | Path) -> Checkpoint:

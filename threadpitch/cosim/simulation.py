@@ -168,6 +168,9 @@ def _simulate(system: System | str | Path, request: _Request, saved: Checkpoint 
                 keeper.save_at_the_end()
             error.result = keeper.result()
             raise
+        except KeyboardInterrupt:  # the second signal: at once, but rows that are there reach their file
+            recorder.drain()
+            raise
         result = keeper.result()
         assert result is not None  # row 0 at least
         return result
