@@ -315,5 +315,5 @@ def locate_fmu(flavor: str, source: str, base: Path, platforms: Sequence[str] | 
     if path.suffix == ".fmu" and model.is_file():
         return cached_fmu(model, flavor, platforms=platforms)
     known = ["".join(word.capitalize() for word in one.stem.split("_")) for one in model_files()]
-    raise cosim.SystemStructureError(f"FMU {source!r} is not in {base}, and no shipped model is called {path.stem!r}"
-                                     f"{nearest(path.stem, known)}")
+    raise cosim.SystemStructureError(f"FMU {source!r} does not lie beside the SSD, and no shipped model is called "
+                                     f"{path.stem!r}{nearest(path.stem, known)}")

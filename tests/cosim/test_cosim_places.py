@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
+import re
+import tempfile
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +14,7 @@ import pytest
 
 from tests.cosim.ssd_text import ssd
 from threadpitch.cosim import CosimError, read_checkpoint, read_system, resume, simulate
+from threadpitch.cosim.archive import ArchiveError, unpack
 from threadpitch.cosim.system import Component, System
 
 SHORT: dict[str, Any] = {"stop_time": 0.2, "step_size": 0.01}
@@ -96,3 +100,14 @@ def test_a_run_outlives_a_disk_that_takes_no_checkpoint(system: System, tmp_path
     assert result.steps == 20
     assert any("no checkpoint at step 20" in text and "no space left" in text for text in result.warnings)
     assert (tmp_path / "state").read_bytes() == before
+
+
+def test_a_full_disk_is_not_the_archive_s_fault(probe_fmu: Path, tmp_path: Path,
+                                                monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(zipfile.ZipFile, "extractall", full_disk)
+    message = (rf"Probe\.fmu: cannot be unpacked into {re.escape(str(tmp_path))} \(no space left on device\); free "
+               "some space there, or name another folder in TMPDIR")
+    with pytest.raises(ArchiveError, match=message):
+        unpack(probe_fmu)
+    assert not list(tmp_path.iterdir())

@@ -27,6 +27,7 @@ from threadpitch.cosim.metadata import differences
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.places import CHECKPOINT, written
 from threadpitch.cosim.recording import Block, Channels, MemoryRows, Recorder
+from threadpitch.cosim.schedule import Schedule
 
 _Bytes: TypeAlias = bytes | memoryview
 
@@ -63,6 +64,17 @@ class Checkpoint:
         if found:
             more = f" (and {len(found) - 1} more)" if found[1:] else ""
             raise CheckpointError(f"{self.path}: is of another run: {found[0]}{more}; go on with what it was made with")
+
+    def check_steps(self, schedule: Schedule) -> None:
+        """Compare with the communication points that are to be reached.
+
+        Raises:
+            CheckpointError: the run is past the last of them.
+        """
+        done = int(self.document["steps"])
+        if done > schedule.steps:
+            raise CheckpointError(f"{self.path}: the run is at t = {schedule.time(done):.9g} s already; give a later "
+                                  "stop time")
 
     def restore(self, network: Network) -> None:
         """Put everything back into a network that has been initialised.

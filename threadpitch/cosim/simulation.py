@@ -146,6 +146,7 @@ def _simulate(system: System | str | Path, request: _Request, saved: Checkpoint 
         metadata = _metadata(plan, schedule, request, channels, isolated)
         if saved is not None:
             saved.check(metadata)
+            saved.check_steps(schedule)
             warnings += warn_of_versions(saved)
         warnings[:0] = plan.notes
         file = request.keeping.file(channels, metadata, saved)
