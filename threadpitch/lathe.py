@@ -107,6 +107,14 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         return tuple(replaced(one, number=number, final_flank=number in self._final)
                      for one, number in ((one, self._numbers[one.number - 1]) for one in found))
 
+    def beside(self, one: Pass) -> dict[str, Pass]:
+        """One of ``passes`` as the other calculators saw it, by their names: of the lathe, the actual pitches."""
+        return {name: found[one.number] for name, found in self._others.items() if one.number in found}
+
+    @functools.cached_property
+    def _others(self) -> dict[str, dict[int, Pass]]:
+        return {name: {found.number: found for found in self.passes_of(name)} for name in self.calculators[1:]}
+
     def axis_too_slow(self) -> str:
         """What to say where lead x speed is more than the Z axis does; nothing where it is not, or not told."""
         names = [f"{CONTROLLER}.lead", f"{CONTROLLER}.commanded_speed", f"{Z_DRIVE}.speed_limit"]

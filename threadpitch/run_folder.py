@@ -101,7 +101,7 @@ def _write_files(simulation: Simulation, folder: Path) -> None:
     if simulation.result.path is None:
         simulation.result.save(folder)
     _write_pitches(simulation, folder / "pitch.csv")
-    text = "\n".join(pass_text(one) for one in simulation.passes)
+    text = "\n".join(pass_text(one, simulation.beside(one)) for one in simulation.passes)
     (folder / "tables.txt").write_text(text, encoding="utf-8")
     (folder / "result.json").write_text(json.dumps(run_document(simulation), indent=1) + "\n", encoding="utf-8")
 
