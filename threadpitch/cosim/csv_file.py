@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from threadpitch.cosim.block import Block, Channel, Channels, Column
 from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.places import metadata_path, written
-from threadpitch.cosim.recording import Block, Channel, Channels, Column
 
 _PIECE = 4096  # rows that are text at once
 
@@ -68,11 +68,12 @@ class CsvFile:
                 self._file.write(header(channels))
                 self._file.flush()
 
-    def take(self, block: Block) -> None:
-        """Append rows."""
+    def take(self, block: Block) -> bool:
+        """Append rows; the block itself is not kept."""
         with self._writing():
             self._file.writelines(lines(block))
             self._file.flush()
+        return False
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
