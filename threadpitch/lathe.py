@@ -138,6 +138,14 @@ class Simulation(Mapping[str, cosim.block.Column]):
         return tuple(replaced(one, number=self._numbers[k], hand=self._hands[k],
                               final_flank=self._numbers[k] in self._final) for one, k in told)
 
+    def beside(self, one: Pass) -> dict[str, Pass]:
+        """One of ``passes`` as the other calculators saw it, by their names: of the lathe, the actual pitches."""
+        return {name: found[one.number] for name, found in self._others.items() if one.number in found}
+
+    @functools.cached_property
+    def _others(self) -> dict[str, dict[int, Pass]]:
+        return {name: {found.number: found for found in self.passes_of(name)} for name in self.calculators[1:]}
+
     def axis_too_slow(self) -> str:
         """What to say where lead x speed is more than the Z axis does; nothing where it is not, or not told."""
         names = [f"{CONTROLLER}.lead", f"{CONTROLLER}.commanded_speed", f"{Z_DRIVE}.speed_limit"]
@@ -343,5 +351,5 @@ def locate_fmu(flavor: str, source: str, base: Path, platforms: Sequence[str] | 
     if path.suffix == ".fmu" and model.is_file():
         return cached_fmu(model, flavor, platforms=platforms)
     known = ["".join(word.capitalize() for word in one.stem.split("_")) for one in model_files()]
-    raise cosim.SystemStructureError(f"FMU {source!r} is not in {base}, and no shipped model is called {path.stem!r}"
-                                     f"{nearest(path.stem, known)}")
+    raise cosim.SystemStructureError(f"FMU {source!r} does not lie beside the SSD, and no shipped model is called "
+                                     f"{path.stem!r}{nearest(path.stem, known)}")

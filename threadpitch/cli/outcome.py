@@ -89,7 +89,7 @@ def _warn(simulation: lathe.Simulation) -> None:
 def _show(simulation: lathe.Simulation, saved: Sequence[Path], stored: dict[str, object]) -> None:
     console = Console()
     for one in simulation.passes:
-        show_pass(console, one)
+        show_pass(console, one, simulation.beside(one))
         console.print()
     if not simulation.calculators:
         console.print(simulation.why_no_turn())

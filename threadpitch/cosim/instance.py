@@ -134,7 +134,9 @@ class FmuInstance(ABC):
             self.dll: Any = self._fmu.dll
             self.component: int = self._instantiate(description)
         except Exception as error:  # FMPy raises plain Exception
-            reason = self.messages.reason() or " ".join(str(error).split())
+            # Where it was unpacked to tells nobody anything: the folder is gone when the message is read.
+            said = str(error).replace(f"{description.folder}{os.sep}", "")
+            reason = self.messages.reason() or " ".join(said.split())
             raise StepError(f"{name}: {description.path.name} cannot be instantiated: {reason}",
                             component=name, time=self.time, status="error") from None
         self._state = "instantiated"
