@@ -13,7 +13,7 @@ FLOORS = (
     {"trace", "cycles", "fmu"},
     {"pitch", "cosim"},
     {"passes"},
-    {"judgement", "tolerance", "store", "parameters", "replacement"},
+    {"judgement", "tolerance", "store", "parameters", "replacement", "roles"},
     {"lathe"},
     {"tables", "publish", "study", "system_archive", "approach", "program_parameters", "faults"},
     {"report", "run_folder", "system_report"},

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from threadpitch.cosim.algorithms import unsettled
 from threadpitch.cosim.c_types import C_TYPES
@@ -45,9 +46,12 @@ from threadpitch.cosim.tables import (
 
 
 class Program:
-    """An algorithm over one network: ``program(network, schedule, steps)`` as those in ``algorithms``."""
+    """An algorithm over one network: ``program(network, schedule, steps)`` as those in ``algorithms``.
 
-    def __init__(self, network: Network) -> None:
+    With a ``trace`` (rows, bytes of the memory), the whole memory is copied into it with every row.
+    """
+
+    def __init__(self, network: Network, trace: NDArray[np.uint8] | None = None) -> None:
         self._loop = COUPLINGS[network.method.coupling]
         self._instances: list[FmuInstance] = []
         self._functions: list[str] = []  # by call
@@ -56,8 +60,8 @@ class Program:
             table: [] for table in ("copy", "conversion", "follow", "call", "watch")}
         self._begin = network.octets.ctypes.data
         nodes = [self._node(node, network.multiples[node.number]) for node in network.nodes]
-        self._tables = self._build(network, nodes)
-        self._places = places(self._tables)
+        self._tables = self._build(network, nodes, _runs(network, trace))
+        self.places = places(self._tables)
 
     def __call__(self, network: Network, schedule: Schedule, steps: range) -> None:
         """Compute these steps and record them.
@@ -71,7 +75,7 @@ class Program:
             last = min(steps.stop, recorder.room())
             span = Span(first, last, schedule.start_time, schedule.step_size, recorder.every, recorder.drained,
                         network.method.tolerance, network.method.iterations)
-            end = self._loop(self._places, span)
+            end = self._loop(self.places, span)
             recorder.advance(end.steps)
             if end.what != DONE:
                 self._fail(network, schedule, end)
@@ -99,7 +103,7 @@ class Program:
 
     # Tables
 
-    def _build(self, network: Network, nodes: Sequence[tuple[int, ...]]) -> Tables:
+    def _build(self, network: Network, nodes: Sequence[tuple[int, ...]], recording: Records) -> Tables:
         memory, times, starts, samples, iterates, _ = network.state
         answers = np.zeros(len(nodes), ANSWER)
         answer_places = answers.ctypes.data + np.arange(len(nodes), dtype=np.uintp) * np.uintp(ANSWER.itemsize)
@@ -112,7 +116,7 @@ class Program:
             watches=_records(self._records["watch"], WATCH),
             answers=answers, answer_places=answer_places.astype(np.uintp),
             memory=Views(*(memory.view(name) for name in Views._fields)),
-            times=times, starts=starts, samples=samples, runs=_runs(network),
+            times=times, starts=starts, samples=samples, runs=recording,
             loops=_records(network.loops, LOOP), iterates=iterates)
 
     def _node(self, node: Node, multiple: int) -> tuple[int, ...]:
@@ -171,12 +175,14 @@ class Program:
                 orders.ctypes.data, following.derivatives.ctypes.data, 5)
 
 
-def _runs(network: Network) -> Records:
-    """What is copied into a row: the fewest stretches of bytes."""
+def _runs(network: Network, trace: NDArray[np.uint8] | None) -> Records:
+    """What is copied into a row: the fewest stretches of bytes; and the whole memory into that of a trace."""
     begin, records = network.octets.ctypes.data, []
     for width, rows in network.recorder.rows.items():
         for first, place, count in runs(network.recorded[width].tolist()):
             records.append((begin + first * width, rows.ctypes.data + place * width, rows.strides[0], count * width))
+    if trace is not None:
+        records.append((begin, trace.ctypes.data, trace.strides[0], trace.shape[1]))
     return _records(records, RUN)
 
 

@@ -275,6 +275,12 @@ class Recorder:
         self.drained += self.filled
         self.filled = 0
 
+    def begin(self, takings: Sequence[Taking]) -> None:
+        """Record another run, into the same block of rows, for these takings."""
+        self.takings = tuple(takings)
+        self.events.clear()
+        self.go_on(0, 0)
+
     def go_on(self, steps: int, drained: int) -> None:
         """Take over where a former process was, which had drained its rows."""
         self.steps, self.drained, self.filled = steps, drained, 0

@@ -1,0 +1,63 @@
+"""Which components of a system are parts of a lathe, and what follows: what is watched, which values go together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from threadpitch.cosim import Plan, Watch
+from threadpitch.cosim.values import Given
+from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE
+
+Z_DRIVE, X_DRIVE = "z_drive", "x_drive"  # names in the lathe's SSD
+
+
+@dataclass(frozen=True)
+class Roles:
+    """Components by what they do, which their variables tell; ``limits`` name what a warning of too slow axes needs."""
+
+    calculators: tuple[str, ...]
+    controllers: tuple[str, ...]
+    cutters: tuple[str, ...]
+    limits: tuple[str, ...]
+
+    @classmethod
+    def of(cls, plan: Plan) -> Roles:
+        """The roles of a checked system's components."""
+        variables = {name: description.variables.keys() for name, description in plan.descriptions.items()}
+
+        def having(*names: str) -> tuple[str, ...]:
+            return tuple(component for component, found in variables.items() if found >= set(names))
+
+        limits = tuple(f"{component}.{name}" for component, name in ((CONTROLLER, "commanded_speed"),
+                                                                     (Z_DRIVE, "speed_limit"))
+                       if name in variables.get(component, ()))
+        return cls(having("completed_pitch[1]"), having("z_face", "start_number"),
+                   having("surface_radius", "groove_position"), limits)
+
+    @property
+    def watch(self) -> Watch:
+        """What tells of every turn: the calculators' results when a turn ends or threading begins or ends."""
+        record, on = [], []
+        for name in self.calculators:
+            record += [f"{name}.{variable}" for variable in ("direction", "pitch_target", "start_angle*", "completed*",
+                                                             "crossing_position*")]
+            on += [f"{name}.{variable}" for variable in ("threading", "completed[*", "revolution*")]
+        for name in self.controllers:
+            record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
+        return Watch((*record, *self.limits), tuple(on))
+
+    def parameters(self, given: Mapping[str, Given], start_angles: Sequence[float] | None = None) -> dict[str, Given]:
+        """The caller's parameters with start angles [rad] for every calculator, and with what follows from them.
+
+        Targets and workpiece follow another thread of the controller, where they are not given themselves.
+        """
+        angles: dict[str, Given] = {}
+        if start_angles is not None:
+            for name in self.calculators:
+                angles |= {f"{name}.start_angle_count": len(start_angles), f"{name}.start_angle": list(start_angles)}
+        followers = (("lead", "pitch_target", self.calculators), ("x_surface", "surface_radius", self.cutters),
+                     ("z_face", "face", self.cutters), ("starts", "starts", self.cutters))
+        following = {f"{name}.{variable}": given[f"{CONTROLLER}.{source}"] for source, variable, names in followers
+                     for name in names if f"{CONTROLLER}.{source}" in given}
+        return following | {**given, **angles}
