@@ -24,6 +24,7 @@ from threadpitch.cli.options import SEVERAL
 from threadpitch.cli.printing import complain, printing
 from threadpitch.cli.resume import resume
 from threadpitch.cli.run import run
+from threadpitch.cli.study import study
 from threadpitch.cli.watch import watch
 from threadpitch.cosim.interrupt import Terminated, end_in_order
 from threadpitch.cycles import CycleError
@@ -33,19 +34,20 @@ from threadpitch.parameters import ParameterFileError
 from threadpitch.pitch import PitchError
 from threadpitch.program_parameters import OperationError
 from threadpitch.report.figure import PlotError
+from threadpitch.studies import StudyError
 from threadpitch.tolerance import ToleranceError
 from threadpitch.trace import TraceError
 from threadpitch.units import UnitError
 
 _KNOWN_ERRORS = (ApproachError, cosim.CosimError, lathe.LatheError, BuildError, CycleError, JudgementError, ModelError,
-                 OperationError, ParameterFileError, PitchError, PlotError, ToleranceError, TraceError, UnitError,
-                 OSError)
+                 OperationError, ParameterFileError, PitchError, PlotError, StudyError, ToleranceError, TraceError,
+                 UnitError, OSError)
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
                   context_settings={"help_option_names": ["-h", "--help"]},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
-for _command in (run, resume, check, analyze, watch, build, cycle, approach):
+for _command in (run, resume, check, analyze, watch, build, cycle, approach, study):
     app.command()(_command)
 
 

@@ -65,6 +65,11 @@ class Mounted:
         self.broken = False
 
     @property
+    def order(self) -> tuple[str, ...]:
+        """The components in the order of the data."""
+        return self._plan.order
+
+    @property
     def branched(self) -> int:
         """How many runs began with what a former one had computed."""
         return 0 if self._branching is None else self._branching.branched
@@ -73,6 +78,14 @@ class Mounted:
         """Versions and FMUs by their content, connections, and the values that all runs share, as JSON holds them."""
         return {**versions(), **describe(self._plan), "start_time": self._schedule.start_time,
                 "step_size": self._schedule.step_size, "steps": self._schedule.steps}
+
+    def check(self, parameters: Mapping[str, Given]) -> None:
+        """Look at parameters without running anything.
+
+        Raises:
+            SystemStructureError: one is wrong; every problem is told.
+        """
+        check(self._plan.system, self._plan.descriptions, parameters)
 
     def run(self, parameters: Mapping[str, Given]) -> Result:
         """The result that ``simulate`` gives with these parameters, to the bit, but without its metadata.

@@ -1,0 +1,41 @@
+"""Parameter studies of simulated threads: what is varied -> rows -> one table, with effects, indices and the yield.
+
+    result = study("models/studies/gain.toml")
+    result.table, result.analysis.yields
+
+The way of a study is ``making.study``.
+"""
+
+from threadpitch.studies.analysis import Analysis, Indices, Interval, Response, analysis_document
+from threadpitch.studies.errors import StudyError
+from threadpitch.studies.making import (
+    DEFAULT_OUTPUT,
+    Estimate,
+    Place,
+    StudyResult,
+    estimate,
+    read_shard,
+    row,
+    study,
+)
+from threadpitch.studies.study import Study, read_study, study_of
+
+__all__ = [
+    "DEFAULT_OUTPUT",
+    "Analysis",
+    "Estimate",
+    "Indices",
+    "Interval",
+    "Place",
+    "Response",
+    "Study",
+    "StudyError",
+    "StudyResult",
+    "analysis_document",
+    "estimate",
+    "read_shard",
+    "read_study",
+    "row",
+    "study",
+    "study_of",
+]

@@ -1,0 +1,43 @@
+"""What runs in a worker process: rows in, outcomes out; the study's FMUs stay loaded from call to call."""
+
+from __future__ import annotations
+
+import atexit
+import threading
+from collections.abc import Sequence
+from typing import Any
+
+from threadpitch.studies.errors import StudyError
+from threadpitch.studies.evaluation import Evaluator, Outcome
+from threadpitch.studies.study import Document, study_of
+
+_here = threading.local()  # of every thread: instances of FMUs are stepped by the thread that made them
+
+
+def compute(document: Document, digest: str, components: Any, rows: Sequence[int]) -> list[Outcome]:
+    """The outcomes of these rows of the study that the document describes.
+
+    ``components`` are the FMUs by content that the client has: a worker elsewhere must have the same.
+
+    Raises:
+        StudyError: this machine draws other rows, or has other FMUs.
+    """
+    evaluator: Evaluator | None = getattr(_here, "evaluator", None)
+    if evaluator is None or evaluator.study.digest != digest:
+        if evaluator is not None:
+            evaluator.close()
+        evaluator = _here.evaluator = _new(document, digest, components)
+        atexit.register(evaluator.close)
+    return list(evaluator.outcomes(rows))
+
+
+def _new(document: Document, digest: str, components: Any) -> Evaluator:
+    study = study_of(document)
+    evaluator = Evaluator(study)
+    if study.digest != digest:
+        raise StudyError("a worker draws other rows from the same seed; give it the same versions of NumPy and SciPy")
+    if evaluator.describe().get("components") != components:
+        raise StudyError("a worker has other FMUs than the client; let both use the same threadpitch, system and "
+                         "compiler (or an .ssp that holds the FMUs)")
+    return evaluator
+
