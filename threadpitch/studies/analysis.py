@@ -135,9 +135,9 @@ def _response(study: Study, outcome: str, name: str, columns: Columns, which: ND
     weight = np.array([np.count_nonzero(group) for group in groups])
     whole = float(results.var())
     share = float(np.average((mean - results.mean()) ** 2, weights=weight)) / whole if whole > 0.0 else 0.0
-    if study.design.kind in DRAWN and results.size > len(groups):
+    if whole > 0.0 and study.design.kind in DRAWN and results.size > len(groups):
         # epsilon squared: groups drawn at random differ in their means even where the parameter does nothing
-        share = max(0.0, 1.0 - (1.0 - share) * (results.size - 1) / (results.size - len(groups))) if whole > 0.0 else 0.0
+        share = max(0.0, 1.0 - (1.0 - share) * (results.size - 1) / (results.size - len(groups)))
     varies = ordered and whole > 0.0 and len(set(values)) > 1
     rank = float(stats.spearmanr(values, results).statistic) if varies else math.nan
     return Response(outcome, name, tuple(places), mean, spread, share, rank)

@@ -47,7 +47,6 @@ class OnDask:
         size, began = 1, clock.monotonic()
         under_way: dict[Future, tuple[list[int], float]] = {}
         done = as_completed([], loop=self.client.loop)
-        self._prepare()
         try:
             while rest or waiting or under_way:
                 while (rest or waiting) and len(under_way) < _AHEAD * self._threads():
@@ -69,12 +68,6 @@ class OnDask:
     def _submit(self, rows: list[int]) -> Future:
         return self.client.submit(worker.compute, self.study.document, self.study.digest, self.components, rows,
                                   pure=False)
-
-    def _prepare(self) -> None:
-        """FMUs are unpacked into the workers' own folders."""
-        from threadpitch.studies.unpacking import Unpacking
-
-        self.client.register_plugin(Unpacking())
 
     def _threads(self) -> int:
         threads: int = sum(self.client.nthreads().values())

@@ -93,6 +93,8 @@ class Expression:
         """The names in a tree that holds only what is known."""
         name = self._name(node)
         if name is not None:
+            if name in FUNCTIONS:
+                raise self._error(f"names the function {name} without (...)")
             if name not in CONSTANTS:
                 yield name
             return

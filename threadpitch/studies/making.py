@@ -6,7 +6,7 @@ import contextlib
 import json
 import re
 import time as clock
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -79,15 +79,17 @@ def study(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUT
     """
     place = place or Place()
     chosen = study_of(definition) if isinstance(definition, Mapping) else read_study(definition)
+    if place.queue and "cluster" not in chosen.document:
+        raise StudyError("the study has no [cluster]; write one with kind = \"slurm\", jobs, cores, memory, walltime")
     with Evaluator(chosen) as evaluator:
         evaluator.check()
         described = evaluator.describe()
         folder = Folder(output, chosen, described)
         if retry_failed:
             folder.forget_failed()
-        missing = part(evaluator.ordered(folder.missing), place.shard)
+        rows = [row for row in _of_shard(evaluator, place) if row not in folder.done]
         try:
-            for outcomes in _computed(evaluator, place, missing, described.get("components")):
+            for outcomes in _computed(evaluator, place, rows, described.get("components")):
                 folder.add(outcomes)
                 if progress is not None:
                     progress(len(folder.done), len(chosen.rows))
@@ -124,16 +126,14 @@ def estimate(definition: str | Path | Document, *, output: str | Path = DEFAULT_
     chosen = study_of(definition) if isinstance(definition, Mapping) else read_study(definition)
     with Evaluator(chosen) as evaluator:
         evaluator.check()
-        missing = list(range(len(chosen.rows)))
-        if Path(output).is_dir():
-            missing = Folder(output, chosen, evaluator.describe()).missing
-        rows = part(evaluator.ordered(missing or range(len(chosen.rows))), place.shard)
+        rows = _of_shard(evaluator, place)
+        done = Folder(output, chosen, evaluator.describe()).done if Path(output).is_dir() else {}
+        count = sum(row not in done for row in rows)
         list(evaluator.outcomes(rows[:2]))  # loads, and compiles what the second row needs besides
         began = clock.perf_counter()
         list(evaluator.outcomes(rows[-1:]))
         row_time = clock.perf_counter() - began
     workers = _workers(place)
-    count = len(rows) if missing else 0
     return Estimate(len(chosen.rows), count, row_time, workers, row_time * count / workers, folder_size(chosen))
 
 
@@ -149,10 +149,11 @@ def read_shard(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def part(rows: Sequence[int], shard: tuple[int, int]) -> list[int]:
-    """The i-th of n parts of the rows, which follow each other."""
-    number, count = shard
-    return list(rows[len(rows) * (number - 1) // count:len(rows) * number // count])
+def _of_shard(evaluator: Evaluator, place: Place) -> list[int]:
+    """The i-th of n parts of all rows, whatever is done of them: what every shard takes for its own."""
+    rows = evaluator.ordered(range(len(evaluator.study.rows)))
+    number, count = place.shard
+    return rows[len(rows) * (number - 1) // count:len(rows) * number // count]
 
 
 def _workers(place: Place) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import tempfile
 import threading
 from collections.abc import Sequence
 from typing import Any
@@ -31,7 +32,15 @@ def compute(document: Document, digest: str, components: Any, rows: Sequence[int
     return list(evaluator.outcomes(rows))
 
 
+def _unpack_into_own_folder() -> None:
+    """FMUs are unpacked into the folder of Dask's worker, which Dask removes when the worker was killed."""
+    from distributed import get_worker
+
+    tempfile.tempdir = get_worker().local_directory
+
+
 def _new(document: Document, digest: str, components: Any) -> Evaluator:
+    _unpack_into_own_folder()
     study = study_of(document)
     evaluator = Evaluator(study)
     if study.digest != digest:
