@@ -15,7 +15,7 @@ FLOORS = (
     {"passes"},
     {"judgement", "tolerance", "store", "parameters", "replacement", "roles"},
     {"lathe"},
-    {"tables", "publish", "studies", "system_archive", "approach", "program_parameters", "faults"},
+    {"tables", "publish", "studies", "drive_fit", "system_archive", "approach", "program_parameters", "faults"},
     {"report", "run_folder", "system_report", "study_report"},
     {"serve"},
     {"cli"},

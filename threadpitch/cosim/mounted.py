@@ -51,9 +51,8 @@ class Mounted:
         self._plan = plan
         self._instances = tuple(instances)
         self._schedule = schedule
-        self._selection = Selection(experiment.record, watch=experiment.watch)
-        self._channels = self._selection.channels(plan)
-        recorder = self._selection.recorder(plan, schedule, self._channels, None)
+        selection = Selection(experiment.record, watch=experiment.watch)
+        recorder = selection.recorder(plan, schedule, selection.channels(plan), None)
         self._network = Network(self._instances, plan.links, recorder)
         self._branching = self._choose_branching(experiment.part_at)
         self._program = Program(self._network)
@@ -126,7 +125,7 @@ class Mounted:
             for array, new in zip(self._arrays, self._new, strict=True):
                 np.copyto(array, new)
         self._used = True
-        self._network.recorder.begin(self._selection.takings(self._plan, self._schedule, self._channels))
+        self._network.recorder.begin()
         master.initialize(self._network, self._schedule, settings)
 
     def _choose_branching(self, part_at: str | None) -> Branching | None:

@@ -188,6 +188,12 @@ class Taking:
         self.last: Block | None = None  # the row that was looked at last
         self.taken = 0
 
+    def again(self, count: int) -> Taking:
+        """The same selection, not begun yet, into memory with room for so many rows."""
+        rows = 0 if self.on else count // self.every
+        return Taking(self.channels, MemoryRows(self.channels, rows), every=self.every,
+                      on=[channel.name for channel in self.on])
+
     def take(self, block: Block, first: int) -> None:
         """Take what is wanted of some rows, the first of which has this number in the run."""
         if self.every > 1:
@@ -275,9 +281,10 @@ class Recorder:
         self.drained += self.filled
         self.filled = 0
 
-    def begin(self, takings: Sequence[Taking]) -> None:
-        """Record another run, into the same block of rows, for these takings."""
-        self.takings = tuple(takings)
+    def begin(self) -> None:
+        """Record another run, into the same block of rows, and for the same selections, which are kept in memory."""
+        count = self.schedule.steps // self.every + 1
+        self.takings = tuple(taking.again(count) for taking in self.takings)
         self.events.clear()
         self.go_on(0, 0)
 

@@ -54,27 +54,16 @@ class Selection:
             SystemStructureError: a word or name matches nothing.
             CosimError: the rows do not fit into the memory.
         """
-        takings = self.takings(plan, schedule, channels, file)
-        if self.watch is None:
-            return Recorder(channels, schedule, self.every, takings)
-        both = choose_channels(plan, [found.name for one in takings for found in one.channels.all])
-        return Recorder(both, schedule, 1, takings)
-
-    def takings(self, plan: Plan, schedule: Schedule, channels: Channels, file: Sink | None = None) -> list[Taking]:
-        """What brings ``channels`` to the file, or keeps them in memory, and what keeps that which is watched.
-
-        Raises:
-            SystemStructureError: a word or name matches nothing.
-            CosimError: the rows do not fit into the memory.
-        """
         count = 0 if self.on else schedule.steps // self.every + 1
         sink = MemoryRows(channels, count) if file is None else file
         on = [found.name for found in choose_channels(plan, self.on)]
         if self.watch is None:
-            return [Taking(channels, sink, on=on)]
+            return Recorder(channels, schedule, self.every, [Taking(channels, sink, on=on)])
         watched = Channels(choose_channels(plan, (*self.watch.record, *self.watch.on)))
         changing = [found.name for found in choose_channels(plan, self.watch.on)]
-        return [Taking(channels, sink, every=self.every, on=on), Taking(watched, MemoryRows(watched), on=changing)]
+        takings = [Taking(channels, sink, every=self.every, on=on), Taking(watched, MemoryRows(watched), on=changing)]
+        both = choose_channels(plan, [found.name for found in (*channels.all, *watched.all)])
+        return Recorder(both, schedule, 1, takings)
 
     def describe(self) -> dict[str, Any]:
         """For the metadata: all but the names of the recorded variables."""

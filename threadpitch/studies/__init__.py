@@ -7,6 +7,7 @@ The way of a study is ``making.study``.
 """
 
 from threadpitch.studies.analysis import Analysis, Indices, Interval, Response, analysis_document
+from threadpitch.studies.definition import Study, read_study, study_of
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.making import (
     DEFAULT_OUTPUT,
@@ -18,7 +19,7 @@ from threadpitch.studies.making import (
     row,
     study,
 )
-from threadpitch.studies.study import Study, read_study, study_of
+from threadpitch.studies.tuning import Tuning, tune
 
 __all__ = [
     "DEFAULT_OUTPUT",
@@ -31,6 +32,7 @@ __all__ = [
     "Study",
     "StudyError",
     "StudyResult",
+    "Tuning",
     "analysis_document",
     "estimate",
     "read_shard",
@@ -38,4 +40,5 @@ __all__ = [
     "row",
     "study",
     "study_of",
+    "tune",
 ]

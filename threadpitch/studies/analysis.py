@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from threadpitch.studies.definition import Study
 from threadpitch.studies.design import DRAWN, GRID, ONE_AT_A_TIME, SENSITIVITY
 from threadpitch.studies.evaluation import OK
-from threadpitch.studies.study import Study
 
 FloatArray = NDArray[np.float64]
 Columns = Mapping[str, Sequence[Any]]  # of the study's table

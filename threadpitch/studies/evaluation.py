@@ -15,11 +15,11 @@ from threadpitch.cosim.mounted import Experiment, Mounted, mount
 from threadpitch.fmu import BuildError, ModelError
 from threadpitch.lathe import NOMINAL, LatheError, Simulation, check_start_angles, choose_flavor, locate_fmu
 from threadpitch.roles import Roles
+from threadpitch.studies.definition import Study
 from threadpitch.studies.design import Row
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.quantity import Level
 from threadpitch.studies.statistics import STATISTICS, ThreadStatistics
-from threadpitch.studies.study import Study
 
 OK, FAILED = "ok", "failed"
 # What a row can fail of; all else is an error of this program and ends the study.
@@ -64,14 +64,16 @@ class Evaluator:
     def outcomes(self, rows: Iterable[int]) -> Iterator[Outcome]:
         """The outcomes of these rows, one after the other; a row that fails says why, and the next one goes on."""
         for row in rows:
-            try:
-                values = self.values(self.study.rows[row])
-            except _ROW_ERRORS as error:
-                if isinstance(error, cosim.SimulationInterrupted):
-                    raise
-                yield Outcome(row, {}, FAILED, " ".join(str(error).split()))
-            else:
-                yield Outcome(row, values)
+            yield self.outcome(row, self.study.rows[row])
+
+    def outcome(self, number: int, row: Row) -> Outcome:
+        """The outcomes for these parameters under this number, or why there are none."""
+        try:
+            return Outcome(number, self.values(row))
+        except cosim.SimulationInterrupted:
+            raise
+        except _ROW_ERRORS as error:
+            return Outcome(number, {}, FAILED, " ".join(str(error).split()))
 
     def values(self, row: Mapping[str, Any]) -> dict[str, Level]:
         """The outcomes for these parameters, by name.

@@ -9,12 +9,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from threadpitch.studies import worker
+from threadpitch.studies.definition import Study
 from threadpitch.studies.evaluation import FAILED, Evaluator, Outcome
-from threadpitch.studies.study import Study
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
+DIED = ("the process that computed it died, again and again; an FMU crashes with these parameters, or there is not "
+        "enough memory")
 _TASK_TIME = 1.0  # s that a task should take: long against Dask's own time for it, short against the study
 _AHEAD = 2  # tasks per thread that are under way: one computes, one waits
 _MOST = 5000  # rows of a task
@@ -81,8 +83,7 @@ class OnDask:
         if not isinstance(error, KilledWorker):
             raise error
         if len(task) == 1:
-            yield [Outcome(task[0], {}, FAILED, "the process that computed it died, again and again; an FMU crashes "
-                                                "with these parameters, or there is not enough memory")]
+            yield [Outcome(task[0], {}, FAILED, DIED)]
         else:
             waiting.extend([row] for row in task)
 

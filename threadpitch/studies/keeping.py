@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from threadpitch.fmu.cache import write_file
+from threadpitch.studies.definition import Study
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import FAILED, OK, Outcome
-from threadpitch.studies.study import Study
 
 if TYPE_CHECKING:
     import pyarrow

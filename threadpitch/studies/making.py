@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from threadpitch.fmu.cache import write_file
 from threadpitch.studies.analysis import Analysis, analysis_document, analyze
 from threadpitch.studies.cluster import available_cores, connected
+from threadpitch.studies.definition import Document, Study, read_study, study_of
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import Evaluator, Outcome
 from threadpitch.studies.execution import OnDask, in_this_process
 from threadpitch.studies.keeping import Folder, folder_size
-from threadpitch.studies.study import Document, Study, read_study, study_of
 
 if TYPE_CHECKING:
     import pyarrow

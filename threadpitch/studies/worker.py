@@ -8,9 +8,10 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
+from threadpitch.studies.definition import Document, study_of
+from threadpitch.studies.design import Row
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import Evaluator, Outcome
-from threadpitch.studies.study import Document, study_of
 
 _here = threading.local()  # of every thread: instances of FMUs are stepped by the thread that made them
 
@@ -23,13 +24,23 @@ def compute(document: Document, digest: str, components: Any, rows: Sequence[int
     Raises:
         StudyError: this machine draws other rows, or has other FMUs.
     """
+    return list(_evaluator(document, digest, components).outcomes(rows))
+
+
+def evaluate(document: Document, digest: str, components: Any, row: Row) -> Outcome:
+    """The outcomes for parameters that are no row of the study; as ``compute``."""
+    return _evaluator(document, digest, components).outcome(0, row)
+
+
+def _evaluator(document: Document, digest: str, components: Any) -> Evaluator:
+    """That of this thread, with the FMUs loaded."""
     evaluator: Evaluator | None = getattr(_here, "evaluator", None)
     if evaluator is None or evaluator.study.digest != digest:
         if evaluator is not None:
             evaluator.close()
         evaluator = _here.evaluator = _new(document, digest, components)
         atexit.register(evaluator.close)
-    return list(evaluator.outcomes(rows))
+    return evaluator
 
 
 def _unpack_into_own_folder() -> None:
