@@ -13,10 +13,12 @@ from threadpitch.cli import app, invoke
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+OPTIONS = "".join(page.read_text(encoding="utf-8") for page in PAGES)
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.DOTALL | re.MULTILINE)
+def blocks(language: str, text: str = README) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
 
 
 @pytest.fixture
@@ -47,7 +49,8 @@ def test_python_example_runs(workplace: Path, capsys: pytest.CaptureFixture[str]
 
 
 def test_parameter_file_example_runs(workplace: Path) -> None:
-    (workplace / "gains.toml").write_text(blocks("toml")[0], encoding="utf-8")
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    (workplace / "gains.toml").write_text(blocks("toml", page)[0], encoding="utf-8")
     assert invoke(["run", "--parameters", "gains.toml", "--stop-time", "0.6"]) == 0
 
 
@@ -79,10 +82,19 @@ def test_what_the_page_about_own_models_says_may_not_be_written_is_refused(workp
         assert invoke(["build", "wrong.py"]) == 2, wrong
 
 
+def links(page: Path) -> list[str]:
+    return re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8"))
+
+
 def test_links_lead_somewhere() -> None:
-    for page in (ROOT / "README.md", ROOT / "docs" / "own_model.md"):
-        for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
-            assert (page.parent / target).exists(), target
+    for page in PAGES:
+        for target in links(page):
+            assert target.startswith("https://") or (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_every_page_is_linked_by_the_readme() -> None:
+    linked = {(ROOT / target).resolve() for target in links(ROOT / "README.md")}
+    assert set(PAGES[1:]) - linked == set()
 
 
 def test_page_of_the_models_is_current() -> None:
@@ -95,11 +107,11 @@ def test_page_of_the_units_is_current() -> None:
     assert (ROOT / "docs" / "units.md").read_text(encoding="utf-8") == page(), "run python docs/write_units.py"
 
 
-def test_every_option_is_in_the_readme(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_option_is_told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     commands = [str(getattr(one.callback, "__name__", "")) for one in app.registered_commands]
     assert {"run", "analyze", "build", "cycle"} <= set(commands)
     for command in commands:
         assert invoke([command, "--help"]) == 0
         for option in set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out)) - {"--help"}:
-            assert option in README, f"{command} {option}"
+            assert option in OPTIONS, f"{command} {option}"

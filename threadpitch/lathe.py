@@ -20,8 +20,9 @@ from threadpitch import cosim
 from threadpitch.cosim.master import Progress
 from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
+from threadpitch.cycles.moves import Hand
 from threadpitch.fmu import available_compiler, cached_fmu
-from threadpitch.passes import CONTROLLER, FloatArray, Pass, ToolPath, find_passes
+from threadpitch.passes import CONTROLLER, FloatArray, Pass, ToolPath, alarm_text, find_passes
 from threadpitch.pitch import PitchTable
 from threadpitch.replacement import replacements
 from threadpitch.roles import X_DRIVE, Z_DRIVE, Roles
@@ -37,7 +38,7 @@ class LatheError(ValueError):
     """The simulation cannot answer the question that was asked; the message tells why and how to mend it."""
 
 
-class Simulation(Mapping[str, cosim.recording.Column]):
+class Simulation(Mapping[str, cosim.block.Column]):
     """What a simulated lathe leaves: recorded variables by name, and the passes that were cut.
 
     ``result["nominal_pitch.pitch[1]"]`` and ``result.time`` are (steps + 1,), the first row after initialisation.
@@ -51,12 +52,24 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         self._turning = result if result.watched is None else result.watched  # rows in which turns end, or all
         self._numbers: tuple[int, ...] = ()
         self._final: frozenset[int] = frozenset()
+        self._hands: tuple[Hand | None, ...] = ()
 
-    def numbered(self, numbers: Sequence[int], final: Iterable[int]) -> Simulation:
-        """The same, its passes with the numbers that a program gives them; ``final`` make the final flanks."""
+    def numbered(self, numbers: Sequence[int], final: Iterable[int], hands: Sequence[Hand | None] = ()) -> Simulation:
+        """The same, its passes with a program's numbers and hands; those numbered ``final`` make the final flanks."""
         other = Simulation(self.result, self.flavor)
         other._numbers, other._final = tuple(numbers), frozenset(final)
+        other._hands = tuple(hands) or (None,) * len(numbers)
         return other
+
+    @property
+    def begun_passes(self) -> int:
+        """How many passes began, a last one without a whole turn too."""
+        return int(np.count_nonzero(np.diff(self._threading().astype(np.int8), prepend=np.int8(0)) > 0))
+
+    @property
+    def alarm(self) -> str:
+        """The alarm that stopped the controller, when, and how to mend it; empty where there was none."""
+        return alarm_text(self._turning, self._turning.time)
 
     @property
     def time(self) -> FloatArray:
@@ -69,7 +82,7 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         schedule = self.result.schedule
         return round(schedule.time(self.steps) - schedule.start_time, 12)
 
-    def __getitem__(self, name: str) -> cosim.recording.Column:
+    def __getitem__(self, name: str) -> cosim.block.Column:
         return self.result[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -104,8 +117,9 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         found = find_passes(self._turning, calculator, self._threading())
         if not self._numbers:
             return found
-        return tuple(replaced(one, number=number, final_flank=number in self._final)
-                     for one, number in ((one, self._numbers[one.number - 1]) for one in found))
+        told = [(one, one.number - 1) for one in found]
+        return tuple(replaced(one, number=self._numbers[k], hand=self._hands[k],
+                              final_flank=self._numbers[k] in self._final) for one, k in told)
 
     def axis_too_slow(self) -> str:
         """What to say where lead x speed is more than the Z axis does; nothing where it is not, or not told."""
@@ -151,10 +165,11 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         threading = self._threading()
         stop = self.result.schedule.time(self.steps)
         if not threading.any():
-            mend = self._why_not_at_speed() or "choose a longer stop time"
+            mend = self.alarm or self._why_not_at_speed() or "choose a longer stop time"
             return f"no threading until the stop at {stop:g} s; {mend}"
         began = float(self._turning.time[int(np.argmax(threading))])
-        return f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; choose a longer stop time"
+        return (f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; "
+                f"{self.alarm or 'choose a longer stop time'}")
 
     def _why_not_at_speed(self) -> str:
         """What to say where the spindle has not come near its commanded speed; nothing where it has."""

@@ -14,12 +14,16 @@ Z_DRIVE, X_DRIVE = "z_drive", "x_drive"  # names in the lathe's SSD
 
 @dataclass(frozen=True)
 class Roles:
-    """Components by what they do, which their variables tell; ``limits`` name what a warning of too slow axes needs."""
+    """Components by what they do, which their variables tell.
+
+    ``limits`` name what a warning of too slow axes needs, ``alarms`` the controllers' alarms.
+    """
 
     calculators: tuple[str, ...]
     controllers: tuple[str, ...]
     cutters: tuple[str, ...]
     limits: tuple[str, ...]
+    alarms: tuple[str, ...]
 
     @classmethod
     def of(cls, plan: Plan) -> Roles:
@@ -32,8 +36,10 @@ class Roles:
         limits = tuple(f"{component}.{name}" for component, name in ((CONTROLLER, "commanded_speed"),
                                                                      (Z_DRIVE, "speed_limit"))
                        if name in variables.get(component, ()))
-        return cls(having("completed_pitch[1]"), having("z_face", "start_number"),
-                   having("surface_radius", "groove_position"), limits)
+        controllers = having("z_face", "start_number")
+        alarms = tuple(f"{name}.alarm" for name in controllers if "alarm" in variables[name])
+        return cls(having("completed_pitch[1]"), controllers, having("surface_radius", "groove_position"), limits,
+                   alarms)
 
     @property
     def watch(self) -> Watch:
@@ -45,7 +51,7 @@ class Roles:
             on += [f"{name}.{variable}" for variable in ("threading", "completed[*", "revolution*")]
         for name in self.controllers:
             record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
-        return Watch((*record, *self.limits), tuple(on))
+        return Watch((*record, *self.limits, *self.alarms), (*on, *self.alarms))
 
     def parameters(self, given: Mapping[str, Given], start_angles: Sequence[float] | None = None) -> dict[str, Given]:
         """The caller's parameters with start angles [rad] for every calculator, and with what follows from them.

@@ -14,6 +14,7 @@ from threadpitch.cli.printing import fail
 from threadpitch.judgement import Evidence, MeasuredThread, Verdict, judge, verdict_document
 from threadpitch.judgement.measured_file import read_measured
 from threadpitch.pitch import GroupPitch, StreamedPitch
+from threadpitch.sparkline import verdict_line
 from threadpitch.tables import printable
 from threadpitch.tolerance import PitchConformity, Thread, parse_thread, pitch_conformity
 from threadpitch.units import from_si, to_si
@@ -39,6 +40,8 @@ class Findings:
     group: str
     verdict: Verdict | None
     tolerances: tuple[tuple[str, PitchConformity], ...]  # (of what, how it keeps to its tolerance)
+    measured: tuple[MeasuredThread, ...] = ()
+    target: float | None = None  # m, where it is known
 
 
 def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged) -> Findings:
@@ -53,7 +56,8 @@ def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged) -> Finding
     thread = None if asked.thread is None else parse_thread(asked.thread)
     measured = [] if asked.measured is None else read_measured(asked.measured)
     verdict = _verdict(group, measured, thread, asked) if measured else None
-    return Findings(group.label, verdict, tuple(_tolerances(group, measured, thread, asked)) if thread else ())
+    tolerances = tuple(_tolerances(group, measured, thread, asked)) if thread else ()
+    return Findings(group.label, verdict, tolerances, tuple(measured), _target(thread, asked))
 
 
 def findings_document(found: Findings) -> dict[str, object]:
@@ -70,6 +74,7 @@ def show_findings(console: Console, found: Findings) -> None:
     """The verdict and the tolerances as text."""
     if found.verdict is not None:
         console.print(Text(f"Verdict on the measured pitches, against group {printable(found.group)}", style="bold"))
+        console.print(verdict_line(found.verdict.cause, printable(found.verdict.sentence)))
         for line in _verdict_lines(found.verdict):
             console.print(Text(printable(line)), soft_wrap=False)
     for name, one in found.tolerances:
@@ -80,14 +85,17 @@ def show_findings(console: Console, found: Findings) -> None:
 
 def _verdict(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], thread: Thread | None,
              asked: Judged) -> Verdict:
-    if asked.target_mm is not None:
-        target = to_si(asked.target_mm, "mm")
-    elif thread is not None:
-        target = thread.lead
-    else:
+    target = _target(thread, asked)
+    if target is None:
         fail("the target of the pitch is not known; give --target in mm, or --thread like M20x1.5-6g")
     return judge(group.table, measured, target=target, uncertainty=_si(asked.uncertainty_um, "um"),
                  screw_lead=_si(asked.screw_lead_mm, "mm"))
+
+
+def _target(thread: Thread | None, asked: Judged) -> float | None:
+    if asked.target_mm is not None:
+        return to_si(asked.target_mm, "mm")
+    return None if thread is None else thread.lead
 
 
 def _tolerances(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], thread: Thread,
@@ -118,7 +126,7 @@ def _si(value: float | None, unit: str) -> float | None:
 
 
 def _verdict_lines(verdict: Verdict) -> list[str]:
-    lines = [verdict.sentence, *(f"  - {line}" for line in verdict.advice), *_evidence_lines(verdict.evidence)]
+    lines = [*(f"  - {line}" for line in verdict.advice), *_evidence_lines(verdict.evidence)]
     lines += [f"Note: {note}" for note in verdict.notes]
     for number, row in enumerate(verdict.rows, start=1):
         lines.append(f"Measured row {number}: {row.sentence}")

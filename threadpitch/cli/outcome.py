@@ -10,21 +10,27 @@ import typer
 from rich.console import Console
 
 from threadpitch import cosim, lathe
+from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
 from threadpitch.cli.printing import BAD_INPUT, complain, fail, print_json, printing
 from threadpitch.run_folder import run_document, save_run
 from threadpitch.tables import show_pass
 
 DEFAULT_OUTPUT = "threadpitch-run"
 
-def finish(simulation: lathe.Simulation, output: Path, as_json: bool) -> None:
-    """Save a simulation that came to its end, and print what it found."""
+def finish(simulation: lathe.Simulation, output: Path, as_json: bool, keeper: Keeper | None = None) -> None:
+    """Save a simulation that came to its end, keep it where that is wanted, and print what it found."""
     saved = save(simulation, output)
-    with printing():
-        if as_json:
-            print_json(run_document(simulation))
-        else:
-            _show(simulation, saved)
-    _warn(simulation)
+    stored: dict[str, object] = {}
+    try:
+        if keeper is not None:
+            stored = keeper.finish_simulation(simulation)
+    finally:  # what was found is told, whatever becomes of the store
+        with printing():
+            if as_json:
+                print_json(run_document(simulation) | stored)
+            else:
+                _show(simulation, saved, stored)
+        _warn(simulation)
 
 
 def save(simulation: lathe.Simulation, output: Path) -> list[Path]:
@@ -34,16 +40,25 @@ def save(simulation: lathe.Simulation, output: Path) -> list[Path]:
     return save_run(simulation, output)
 
 
-def finish_program(done: Sequence[tuple[lathe.Simulation, list[Path]]], as_json: bool) -> None:
-    """Print what the operations of a program found; their files are saved."""
-    with printing():
-        if as_json:
-            print_json(_program_document([simulation for simulation, _ in done]))
-        else:
-            for simulation, saved in done:
-                _show(simulation, saved)
-    for simulation, _ in done:
-        _warn(simulation)
+def finish_program(done: Sequence[tuple[lathe.Simulation, list[Path]]], as_json: bool, asked: Asked,
+                   source: str) -> None:
+    """Print what the operations of a program found, and keep each where that is wanted; their files are saved."""
+    stored: list[dict[str, object]] = [{} for _ in done]
+    try:
+        for place, (simulation, _) in enumerate(done):
+            with keeping_run(asked, "simulation", f"{source}, operation {place + 1}") as keeper:
+                if keeper is not None:
+                    stored[place] = keeper.finish_simulation(simulation)
+    finally:
+        with printing():
+            if as_json:
+                kept = {"stored": [one["stored"] for one in stored]} if all(stored) else {}
+                print_json(_program_document([simulation for simulation, _ in done]) | kept)
+            else:
+                for (simulation, saved), place_kept in zip(done, stored, strict=True):
+                    _show(simulation, saved, place_kept)
+        for simulation, _ in done:
+            _warn(simulation)
 
 
 def _program_document(simulations: Sequence[lathe.Simulation]) -> dict[str, object]:
@@ -52,6 +67,7 @@ def _program_document(simulations: Sequence[lathe.Simulation]) -> dict[str, obje
     passes = [one for document in documents for one in document["passes"]]  # type: ignore[attr-defined] # a list
     return {
         "passes": passes,
+        "alarm": next((simulation.alarm for simulation in simulations if simulation.alarm), None),
         "steps": sum(simulation.steps for simulation in simulations),
         "simulated_s": sum(simulation.simulated for simulation in simulations),
         "wall_s": sum(simulation.wall_time for simulation in simulations),
@@ -61,12 +77,12 @@ def _program_document(simulations: Sequence[lathe.Simulation]) -> dict[str, obje
 
 
 def _warn(simulation: lathe.Simulation) -> None:
-    slow = simulation.axis_too_slow()
-    for warning in [*([slow] if slow else []), *simulation.result.warnings]:
+    told = [text for text in (simulation.alarm, simulation.axis_too_slow()) if text]
+    for warning in [*told, *simulation.result.warnings]:
         complain(f"warning: {warning}")
 
 
-def _show(simulation: lathe.Simulation, saved: Sequence[Path]) -> None:
+def _show(simulation: lathe.Simulation, saved: Sequence[Path], stored: dict[str, object]) -> None:
     console = Console()
     for one in simulation.passes:
         show_pass(console, one)
@@ -77,6 +93,8 @@ def _show(simulation: lathe.Simulation, saved: Sequence[Path]) -> None:
     elsewhere = "" if result.path is None else f", results in {result.path}"
     print(f"{simulation.steps} steps, {simulation.simulated:g} s simulated in {simulation.wall_time:.2f} s with "
           f"{simulation.flavor} FMUs\nsaved in {saved[0].parent}: {', '.join(path.name for path in saved)}{elsewhere}")
+    if stored:
+        print(stored_line(stored))
 
 
 @contextlib.contextmanager

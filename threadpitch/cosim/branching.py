@@ -8,6 +8,7 @@ restored where it was left. So the bits are those of a run from the beginning.
 
 from __future__ import annotations
 
+import functools
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -16,17 +17,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from threadpitch.cosim.block import Channel
 from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.node import Node
 from threadpitch.cosim.plan import Setting
 from threadpitch.cosim.program import Program
-from threadpitch.cosim.recording import Channel
-from threadpitch.cosim.replay import Script, replay, stretches
+from threadpitch.cosim.replay import Script, replay, stretches, traced
 from threadpitch.cosim.schedule import Schedule
 from threadpitch.cosim.state_slot import FmuSlot
 from threadpitch.cosim.system import Value
-from threadpitch.cosim.tables import DONE, Span
+from threadpitch.cosim.tables import DONE
 
 Values = Mapping[tuple[str, str], Value]  # by component and variable
 
@@ -57,15 +58,14 @@ class Branching:
     def __init__(self, network: Network, schedule: Schedule, mark: Channel) -> None:
         self._network = network
         self._schedule = schedule
-        self._mark = mark
-        self._place = network.recorder.layout.places[mark.name]
+        first = network.source(mark.component, mark.variable)
+        self._mark = slice(first, first + mark.width)  # bytes of the memory
         rows = min(LONGEST, schedule.steps, network.recorder.times.size - 1) // CHUNK * CHUNK + 1
         self._trace = np.empty((rows, network.octets.size), np.uint8)
         # All slots are taken before the programs are made, which tell the FMUs whether the master may step back.
         spare = [[node.instance.slot() for node in network.nodes] for _ in range(KEPT + 1)]
         self._spare = [Beginning([slot for slot in slots if isinstance(slot, FmuSlot)]) for slots in spare]
         self._kept: deque[Beginning] = deque()
-        self._tracing = Program(network, self._trace)
         self._failures: dict[frozenset[tuple[str, str]], int] = {}
         self._own = [_bytes_of(node, network.octets.size) for node in network.nodes]
         self._given = _given_bytes(network.nodes, network.octets.size)
@@ -92,9 +92,11 @@ class Branching:
                 return False
         return False
 
-    def compute(self, settings: Iterable[Setting]) -> None:
+    def compute(self, program: Program, settings: Iterable[Setting]) -> None:
         """Compute the beginning of the initialised network, and keep it for others."""
         network, schedule = self._network, self._schedule
+        memory, row = network.octets, self._trace.shape[1]
+        loop = functools.partial(traced, trace=self._trace.ctypes.data, size=row, memory=memory.ctypes.data)
         beginning = self._spare.pop() if self._spare else self._kept.pop()
         beginning.values = _values(settings)
         self._trace[0] = network.octets
@@ -105,7 +107,7 @@ class Branching:
             beginning.steps, beginning.arrays = done, tuple(array.copy() for array in self._shared())
             if done + CHUNK >= self._trace.shape[0] or done + CHUNK >= schedule.steps:
                 break
-            self._tracing(network, schedule, range(done, done + CHUNK))
+            program.compute(network, schedule, range(done, done + CHUNK), loop)
             done += CHUNK
             if self._marked(done):
                 break
@@ -116,8 +118,7 @@ class Branching:
 
     def _marked(self, done: int) -> bool:
         """Whether runs part in the last chunk."""
-        rows = self._network.recorder.rows[self._mark.width]
-        return bool(self._mark.values(rows[done - CHUNK:done + 1, self._place].copy()).any())
+        return bool(self._trace[done - CHUNK:done + 1, self._mark].any())
 
     def _branch(self, program: Program, beginning: Beginning, changed: set[str]) -> bool:
         network, schedule, steps = self._network, self._schedule, beginning.steps
@@ -134,15 +135,14 @@ class Branching:
                         nodes.ctypes.data, nodes.size, taken.ctypes.data, len(taken), compared.ctypes.data,
                         len(compared))
         self.touched = True
-        span = Span(0, steps, schedule.start_time, schedule.step_size, 1, 0, 0.0, 0)
-        if replay(program.places, span, script).what != DONE:
+        if replay(program.places, program.span(network, schedule, range(steps)), script).what != DONE:
             return False
         for node, slot in zip(network.nodes, beginning.slots, strict=True):
             if node.name not in changed:
                 slot.restore()
         for array, kept in zip(self._shared(), beginning.arrays, strict=True):
             np.copyto(array, kept)
-        network.recorder.advance(steps)
+        network.recorder.advance(steps, program.used)
         return True
 
     def _shared(self) -> tuple[NDArray[Any], ...]:

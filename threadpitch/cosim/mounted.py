@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from threadpitch.cosim import master
+from threadpitch.cosim.block import Channel
 from threadpitch.cosim.branching import Branching
 from threadpitch.cosim.check import Plan, check
 from threadpitch.cosim.errors import CosimError, SimulationInterrupted, StepError
@@ -19,7 +20,6 @@ from threadpitch.cosim.instance import FmuInstance
 from threadpitch.cosim.metadata import describe, versions
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.program import Program
-from threadpitch.cosim.recording import Channel
 from threadpitch.cosim.result import Result
 from threadpitch.cosim.schedule import Schedule
 from threadpitch.cosim.selection import Selection, Watch, choose_channels
@@ -104,7 +104,7 @@ class Mounted:
             if self._branching is not None and not self._branching.begin(self._program, settings):
                 if self._branching.touched:
                     self._initialize(settings)
-                self._branching.compute(settings)
+                self._branching.compute(self._program, settings)
             master.run(self._network, self._schedule, self._program)
         except (StepError, SimulationInterrupted):
             self.broken = True

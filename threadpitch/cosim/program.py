@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from threadpitch.cosim.algorithms import unsettled
 from threadpitch.cosim.c_types import C_TYPES
@@ -30,6 +29,8 @@ from threadpitch.cosim.tables import (
     LOOP,
     NODE,
     NOT_A_NUMBER,
+    NOWHERE,
+    PIECE,
     RUN,
     STATE_FAILED,
     STEP_FAILED,
@@ -41,17 +42,16 @@ from threadpitch.cosim.tables import (
     Views,
     code,
     places,
-    runs,
+    stretches,
 )
+
+Loop: TypeAlias = Callable[[Any, Span], Any]  # compiled: (addresses of the tables, steps) -> End
 
 
 class Program:
-    """An algorithm over one network: ``program(network, schedule, steps)`` as those in ``algorithms``.
+    """An algorithm over one network: ``program(network, schedule, steps)`` as those in ``algorithms``."""
 
-    With a ``trace`` (rows, bytes of the memory), the whole memory is copied into it with every row.
-    """
-
-    def __init__(self, network: Network, trace: NDArray[np.uint8] | None = None) -> None:
+    def __init__(self, network: Network) -> None:
         self._loop = COUPLINGS[network.method.coupling]
         self._instances: list[FmuInstance] = []
         self._functions: list[str] = []  # by call
@@ -60,7 +60,7 @@ class Program:
             table: [] for table in ("copy", "conversion", "follow", "call", "watch")}
         self._begin = network.octets.ctypes.data
         nodes = [self._node(node, network.multiples[node.number]) for node in network.nodes]
-        self._tables = self._build(network, nodes, _runs(network, trace))
+        self._tables = self._build(network, nodes)
         self.places = places(self._tables)
 
     def __call__(self, network: Network, schedule: Schedule, steps: range) -> None:
@@ -69,17 +69,37 @@ class Program:
         Raises:
             StepError: as the plain algorithm.
         """
+        self.compute(network, schedule, steps, self._loop)
+
+    def compute(self, network: Network, schedule: Schedule, steps: range, loop: Loop) -> None:
+        """As a call, with another compiled loop over the same tables.
+
+        Raises:
+            StepError: as the plain algorithm.
+        """
         recorder = network.recorder
         first = steps.start
         while first < steps.stop:
             last = min(steps.stop, recorder.room())
-            span = Span(first, last, schedule.start_time, schedule.step_size, recorder.every, recorder.drained,
-                        network.method.tolerance, network.method.iterations)
-            end = self._loop(self.places, span)
-            recorder.advance(end.steps)
+            end = loop(self.places, self.span(network, schedule, range(first, last)))
+            recorder.advance(end.steps, self.used)
             if end.what != DONE:
                 self._fail(network, schedule, end)
             first = last
+
+    @property
+    def used(self) -> int:
+        """The words of the recorder's block that the rows take."""
+        return int(self._tables.latest[-1])
+
+    def span(self, network: Network, schedule: Schedule, steps: range) -> Span:
+        """What a compiled loop is told of these steps, whose rows fit into the recorder's block."""
+        recorder = network.recorder
+        self._tables.latest[:-1] = recorder.places[recorder.filled - 1] if recorder.filled else NOWHERE
+        self._tables.latest[-1] = recorder.used
+        return Span(steps.start, steps.stop, schedule.start_time, schedule.step_size, recorder.every, recorder.drained,
+                    recorder.words.ctypes.data, recorder.places.ctypes.data, network.method.tolerance,
+                    network.method.iterations)
 
     def _fail(self, network: Network, schedule: Schedule, end: Any) -> None:
         """Raise what the plain algorithm would have raised."""
@@ -103,10 +123,11 @@ class Program:
 
     # Tables
 
-    def _build(self, network: Network, nodes: Sequence[tuple[int, ...]], recording: Records) -> Tables:
+    def _build(self, network: Network, nodes: Sequence[tuple[int, ...]]) -> Tables:
         memory, times, starts, samples, iterates, _ = network.state
         answers = np.zeros(len(nodes), ANSWER)
         answer_places = answers.ctypes.data + np.arange(len(nodes), dtype=np.uintp) * np.uintp(ANSWER.itemsize)
+        pieces, runs = _pieces(network)
         return Tables(
             nodes=_records(nodes, NODE),
             copies=_records(self._records["copy"], COPY),
@@ -116,8 +137,8 @@ class Program:
             watches=_records(self._records["watch"], WATCH),
             answers=answers, answer_places=answer_places.astype(np.uintp),
             memory=Views(*(memory.view(name) for name in Views._fields)),
-            times=times, starts=starts, samples=samples, runs=recording,
-            loops=_records(network.loops, LOOP), iterates=iterates)
+            times=times, starts=starts, samples=samples, pieces=pieces, runs=runs,
+            latest=np.zeros(len(pieces) + 1, np.uint64), loops=_records(network.loops, LOOP), iterates=iterates)
 
     def _node(self, node: Node, multiple: int) -> tuple[int, ...]:
         """The record of one node, after those of its parts."""
@@ -175,15 +196,17 @@ class Program:
                 orders.ctypes.data, following.derivatives.ctypes.data, 5)
 
 
-def _runs(network: Network, trace: NDArray[np.uint8] | None) -> Records:
-    """What is copied into a row: the fewest stretches of bytes; and the whole memory into that of a trace."""
-    begin, records = network.octets.ctypes.data, []
-    for width, rows in network.recorder.rows.items():
-        for first, place, count in runs(network.recorded[width].tolist()):
-            records.append((begin + first * width, rows.ctypes.data + place * width, rows.strides[0], count * width))
-    if trace is not None:
-        records.append((begin, trace.ctypes.data, trace.strides[0], trace.shape[1]))
-    return _records(records, RUN)
+def _pieces(network: Network) -> tuple[Records, Records]:
+    """What is recorded together, and the fewest stretches of bytes that it consists of."""
+    begin = network.octets.ctypes.data
+    pieces: list[tuple[int, ...]] = []
+    records: list[tuple[int, ...]] = []
+    for piece in network.recorder.layout.pieces:
+        first = len(records)
+        for number, place, count in stretches(network.recorded[piece.width][piece.first:piece.last].tolist()):
+            records.append((begin + number * piece.width, place * piece.width, count * piece.width))
+        pieces.append((first, len(records), piece.words, int(piece.fixed)))
+    return _records(pieces, PIECE), _records(records, RUN)
 
 
 def _watches(begin: int, watched: Sequence[Watch]) -> list[tuple[int, int, int]]:
@@ -191,7 +214,7 @@ def _watches(begin: int, watched: Sequence[Watch]) -> list[tuple[int, int, int]]
     records = []
     for dtype in {C_TYPES[watch.c_type].dtype: None for watch in watched}:
         places = sorted(watch.index for watch in watched if C_TYPES[watch.c_type].dtype == dtype)
-        records += [(begin + first * dtype.itemsize, dtype.itemsize, count) for first, _, count in runs(places)]
+        records += [(begin + first * dtype.itemsize, dtype.itemsize, count) for first, _, count in stretches(places)]
     return records
 
 

@@ -12,7 +12,7 @@ from numba import carray  # type: ignore[attr-defined] # Numba's own types leave
 from numpy.typing import NDArray
 
 from threadpitch.cosim.calls import copy_bytes, pointer
-from threadpitch.cosim.kernel import attach, compiled, do_step, publish, record, transfer
+from threadpitch.cosim.kernel import attach, compiled, do_step, publish, receive, record, transfer
 from threadpitch.cosim.tables import DONE, End, Span
 
 DIFFERENT = -6  # a word of End.what besides those of ``tables``
@@ -30,6 +30,25 @@ class Script(NamedTuple):
     taken_count: int
     compared: int  # (compared_count, 2) what the computed components give to others
     compared_count: int
+
+
+@compiled
+def traced(at: Any, span: Span, trace: int, size: int, memory: int) -> Any:
+    """As ``kernel.gauss_seidel``; after every step the memory of so many bytes is copied into its row of the trace."""
+    tables = attach(at)
+    for step in range(span.first, span.last):
+        start = span.start + step * span.step_size
+        for i in range(tables.nodes.size):
+            what, status = receive(tables, i, start)
+            if what == DONE:
+                what, status = do_step(tables, i, start, span.step_size)
+            if what == DONE:
+                what, status = publish(tables, i, span.start + (step + 1) * span.step_size)
+            if what != DONE:
+                return End(step, i, what, status)
+        record(tables, step + 1, span)
+        copy_bytes(np.uint64(trace) + np.uint64(step + 1) * np.uint64(size), np.uint64(memory), np.uint64(size))
+    return End(span.last, 0, DONE, 0)
 
 
 @compiled
