@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,8 +15,12 @@ import pytest
 from tests.benchmarks.bench_killed_workers import definition, own_workers
 from tests.conftest import Command
 from threadpitch import simulate, studies
+from threadpitch.store import open_store
 from threadpitch.studies import Place, StudyError, study
+from threadpitch.studies.cluster import job_queue
+from threadpitch.studies.evaluation import Evaluator
 
+ROOT = Path(__file__).parent.parent.parent
 HERE = Place(workers=0)
 FORMULA: dict[str, Any] = {"study": {"system": "none"}, "parameters": {"a": [1, 2, 3, 4, 5]},
                            "outcomes": {"y": "a ** 2", "root": "sqrt(3 - a)"}}
@@ -138,6 +144,52 @@ def test_statistics_of_a_thread(tmp_path: Path) -> None:
     assert found["share"] == pytest.approx((inside > 2e-6).mean())
     assert found["cause"] == "mechanical"
     assert 1 <= found["first"] <= found["turns"] <= 20
+
+
+def test_examples_are_studies() -> None:
+    page = (ROOT / "docs" / "studies.md").read_text(encoding="utf-8")
+    example = re.findall(r"^```toml\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[0]
+    assert len(studies.study_of(tomllib.loads(example)).rows) == 256
+    for path in sorted((ROOT / "models" / "studies").glob("*.toml")):
+        with Evaluator(studies.read_study(path)) as evaluator:
+            evaluator.check()
+    with pytest.raises(StudyError, match="no such file"):
+        studies.read_study("models/studies/nothing.toml")
+
+
+def test_a_study_is_kept_in_the_store_once(tmp_path: Path, threadpitch: Command) -> None:
+    definition_file = tmp_path / "study.toml"
+    definition_file.write_text('[study]\nsystem = "none"\n[parameters]\na = [1, 2]\n[outcomes]\ny = "a"\n')
+    for _ in range(2):
+        told = threadpitch("study", definition_file, "--workers", 0, "--output", tmp_path / "out", "--store",
+                           tmp_path / "runs.db", "--json")
+        assert json.loads(told.out)["stored"]["run"] == 1
+    with open_store(str(tmp_path / "runs.db")) as store:
+        assert [run.kind for run in store.runs()] == ["study"]
+        run = store.run(1)
+        assert run.provenance["analysis"]["rows"] == 2
+        assert not store.verify()
+
+
+def test_workers_of_a_scheduler_that_runs_already(tmp_path: Path) -> None:
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster:
+        found = study(FORMULA, output=tmp_path / "there", place=Place(scheduler=cluster.scheduler_address))
+    assert found.table.equals(study(FORMULA, output=tmp_path / "here", place=HERE).table, check_metadata=True)
+
+
+def test_a_queue_gets_jobs_of_workers() -> None:
+    with job_queue({"kind": "slurm", "jobs": 4, "cores": 2, "memory": "4GB", "walltime": "01:00:00",
+                    "queue": "short", "interface": "lo"}) as cluster:
+        script = cluster.job_script()
+    assert "#SBATCH -p short" in script
+    assert "#SBATCH -t 01:00:00" in script
+    assert "distributed.cli.dask_worker" in script
+    with pytest.raises(StudyError, match="did you mean slurm"):
+        job_queue({"kind": "slurn"})
+    with pytest.raises(StudyError, match=r"\[cluster\]"):
+        job_queue({"kind": "slurm", "nonsense": 3})
 
 
 def test_command(threadpitch: Command, workplace: Path) -> None:

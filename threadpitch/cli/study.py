@@ -12,9 +12,13 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from threadpitch import studies
+from threadpitch.cli.kept import stored_line
 from threadpitch.cli.options import AsJson
 from threadpitch.cli.printing import fail, print_json, printing, remark
+from threadpitch.cli.store_options import Keep
 from threadpitch.report.study_plot import plot_study
+from threadpitch.runs.study import study_run
+from threadpitch.store import open_store
 from threadpitch.studies.analysis import analysis_document
 from threadpitch.studies.evaluation import FAILED
 from threadpitch.study_report import estimate_text, show_study
@@ -44,6 +48,7 @@ def study(
         "--retry-failed", metavar="", help="Compute rows that failed once more.")] = False,
     plot: Annotated[Path | None, typer.Option(
         metavar="FILE", help="Draw the responses as .svg, .png or .pdf.")] = None,
+    store: Keep = None,
     as_json: AsJson = False,
 ) -> None:
     """Vary parameters of a simulated lathe: effects, sensitivity, and the yield within the limits."""
@@ -62,14 +67,22 @@ def study(
         raise
     if plot is not None:
         plot_study(result, plot)
+    stored: dict[str, object] = {}
+    if store is not None and result.complete:
+        with open_store(store) as opened:
+            number = opened.add(study_run(result, str(definition)))
+            stored = {"stored": {"run": number, "store": opened.address}}
     with printing():
         if as_json:
-            print_json({"output": str(result.folder), "missing": result.missing, **analysis_document(result.analysis)})
+            print_json({"output": str(result.folder), "missing": result.missing, **stored,
+                        **analysis_document(result.analysis)})
         else:
             console = Console()
             show_study(console, result)
             kept = "study.parquet, analysis.json" if result.complete else f"{result.missing} rows are still missing"
             print(f"\nsaved in {result.folder}: {kept}")
+            if stored:
+                print(stored_line(stored))
     if not result.complete:
         raise typer.Exit(INCOMPLETE)
 

@@ -14,17 +14,19 @@ from numpy.typing import NDArray
 from threadpitch.cosim import master
 from threadpitch.cosim.block import Channel
 from threadpitch.cosim.branching import Branching
-from threadpitch.cosim.check import Plan, check
+from threadpitch.cosim.check import Plan, Setting
 from threadpitch.cosim.errors import CosimError, SimulationInterrupted, StepError
 from threadpitch.cosim.instance import FmuInstance
+from threadpitch.cosim.links import Joiner
 from threadpitch.cosim.metadata import describe, versions
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.program import Program
 from threadpitch.cosim.result import Result
 from threadpitch.cosim.schedule import Schedule
 from threadpitch.cosim.selection import Selection, Watch, choose_channels
+from threadpitch.cosim.settings import Setter
 from threadpitch.cosim.simulation import choose_schedule, instantiate, prepare
-from threadpitch.cosim.system import System
+from threadpitch.cosim.system import System, SystemStructureError
 from threadpitch.cosim.values import Given
 
 
@@ -56,6 +58,10 @@ class Mounted:
         self._network = Network(self._instances, plan.links, recorder)
         self._branching = self._choose_branching(experiment.part_at)
         self._program = Program(self._network)
+        self._problems: list[str] = []
+        self._setter = Setter(Joiner(plan.system, plan.descriptions, self._problems), [])
+        self._settings = {(found.component, found.variable.name): found for found in plan.settings}
+        self._fed = {(link.target_component, link.target.name): link for link in plan.links}
         state = self._network.state
         self._arrays: tuple[NDArray[Any], ...] = (
             self._network.octets, state.times, state.starts, *state.samples, *state.iterates, state.control)
@@ -84,7 +90,7 @@ class Mounted:
         Raises:
             SystemStructureError: one is wrong; every problem is told.
         """
-        check(self._plan.system, self._plan.descriptions, parameters)
+        self._choose(parameters)
 
     def run(self, parameters: Mapping[str, Given]) -> Result:
         """The result that ``simulate`` gives with these parameters, to the bit, but without its metadata.
@@ -98,7 +104,7 @@ class Mounted:
         if self.broken:
             raise CosimError("a run of these instances has failed; mount the system anew")
         began = clock.perf_counter()
-        settings = check(self._plan.system, self._plan.descriptions, parameters).settings
+        settings = self._choose(parameters)
         try:
             self._initialize(settings)
             if self._branching is not None and not self._branching.begin(self._program, settings):
@@ -116,6 +122,14 @@ class Mounted:
                             for number in range(len(self._network.recorder.takings)))
         result.watched = watched[0] if watched else None
         return result
+
+    def _choose(self, parameters: Mapping[str, Given]) -> list[Setting]:
+        """What ``check`` makes of these parameters; the system itself has been checked."""
+        self._problems.clear()
+        settings = self._setter.overridden(self._settings, self._fed, parameters)
+        if self._problems:
+            raise SystemStructureError(*dict.fromkeys(self._problems))
+        return settings
 
     def _initialize(self, settings: Iterable[Any]) -> None:
         """All as if it were new, then initialised."""
@@ -137,17 +151,16 @@ class Mounted:
 
 
 @contextmanager
-def mount(system: System, parameters: Mapping[str, Given] | None = None,
-          experiment: Experiment | None = None) -> Iterator[Mounted]:
-    """Unpack and load the FMUs of a system; ``parameters`` hold for the look at it, every run states all of its own.
+def mount(system: System, experiment: Experiment | None = None) -> Iterator[Mounted]:
+    """Unpack and load the FMUs of a system.
 
     Raises:
-        SystemStructureError: the system, a parameter or a name to record is wrong.
+        SystemStructureError: the system or a name to record is wrong.
         StepError: an FMU cannot be loaded.
         CosimError: the times do not fit.
     """
     chosen = experiment or Experiment()
-    with prepare(system, parameters) as plan:
+    with prepare(system) as plan:
         schedule = choose_schedule(plan, stop_time=chosen.stop_time, step_size=chosen.step_size)
         with instantiate(plan) as instances:
             loaded = [instance for instance in instances if isinstance(instance, FmuInstance)]

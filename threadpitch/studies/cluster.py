@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 JOB_QUEUES = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "lsf": "LSFCluster", "sge": "SGECluster",
               "htcondor": "HTCondorCluster", "oar": "OARCluster", "moab": "MoabCluster"}
+_OF_CLUSTER = {"interface", "scheduler_options", "n_workers", "security"}  # what a cluster keeps from its jobs
 _DEATHS = 3  # workers that may die under a task before the task is suspected
 _CONNECT = 30.0  # s
 
@@ -66,8 +67,13 @@ def job_queue(cluster: Mapping[str, Any]) -> Any:
     _need("dask_jobqueue", "dask-jobqueue")
     import dask_jobqueue
 
+    chosen = getattr(dask_jobqueue, JOB_QUEUES[kind])
+    options = {"cores": 1, "memory": "2GB", **options}
     try:
-        return getattr(dask_jobqueue, JOB_QUEUES[kind])(**{"cores": 1, "memory": "2GB", **options})
+        # A job alone first: a cluster that cannot be made complains once more when it is thrown away.
+        chosen.job_cls("tcp://127.0.0.1:8786", "first", **{word: value for word, value in options.items()
+                                                           if word not in _OF_CLUSTER})
+        return chosen(**options)
     except (TypeError, ValueError) as error:
         raise StudyError(f"[cluster]: {' '.join(str(error).split())}") from None
 

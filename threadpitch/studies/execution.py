@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 DIED = ("the process that computed it died, again and again; an FMU crashes with these parameters, or there is not "
         "enough memory")
-_TASK_TIME = 1.0  # s that a task should take: long against Dask's own time for it, short against the study
+_TASK_TIME = 2.0  # s that a task should take: long against Dask's own time for it, short against the study
 _AHEAD = 2  # tasks per thread that are under way: one computes, one waits
 _MOST = 5000  # rows of a task
 
