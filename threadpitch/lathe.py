@@ -22,7 +22,15 @@ from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
 from threadpitch.cycles.moves import Hand
 from threadpitch.fmu import available_compiler, cached_fmu
-from threadpitch.passes import CONTROLLER, FloatArray, Pass, ToolPath, alarm_text, find_passes
+from threadpitch.passes import (
+    CONTROLLER,
+    FloatArray,
+    Pass,
+    ToolPath,
+    alarm_text,
+    find_passes,
+    hold_text,
+)
 from threadpitch.pitch import PitchTable
 from threadpitch.replacement import replacements
 from threadpitch.roles import X_DRIVE, Z_DRIVE, Roles
@@ -53,12 +61,18 @@ class Simulation(Mapping[str, cosim.block.Column]):
         self._numbers: tuple[int, ...] = ()
         self._final: frozenset[int] = frozenset()
         self._hands: tuple[Hand | None, ...] = ()
+        self._largest_lead: float | None = None
 
-    def numbered(self, numbers: Sequence[int], final: Iterable[int], hands: Sequence[Hand | None] = ()) -> Simulation:
-        """The same, its passes with a program's numbers and hands; those numbered ``final`` make the final flanks."""
+    def numbered(self, numbers: Sequence[int], final: Iterable[int], hands: Sequence[Hand | None] = (),
+                 largest_lead: float | None = None) -> Simulation:
+        """The same, its passes with a program's numbers and hands; those numbered ``final`` make the final flanks.
+
+        ``largest_lead`` (m per turn along Z) is that of all blocks, where it is not the controller's first.
+        """
         other = Simulation(self.result, self.flavor)
         other._numbers, other._final = tuple(numbers), frozenset(final)
         other._hands = tuple(hands) or (None,) * len(numbers)
+        other._largest_lead = largest_lead
         return other
 
     @property
@@ -127,6 +141,7 @@ class Simulation(Mapping[str, cosim.block.Column]):
         if not all(name in self._turning for name in names):
             return ""
         lead, speed, limit = (float(self._turning[name][0]) for name in names)
+        lead = lead if self._largest_lead is None else self._largest_lead
         if lead * speed / (2.0 * math.pi) <= limit:
             return ""
         return (f"{from_si(lead, 'mm'):.6g} mm a turn at {from_si(speed, 'rpm'):.6g} rpm is more than the Z axis does; "
@@ -165,7 +180,7 @@ class Simulation(Mapping[str, cosim.block.Column]):
         threading = self._threading()
         stop = self.result.schedule.time(self.steps)
         if not threading.any():
-            mend = self.alarm or self._why_not_at_speed() or "choose a longer stop time"
+            mend = self.alarm or hold_text(self.result) or self._why_not_at_speed() or "choose a longer stop time"
             return f"no threading until the stop at {stop:g} s; {mend}"
         began = float(self._turning.time[int(np.argmax(threading))])
         return (f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; "
@@ -192,7 +207,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
              step_size: float | None = None, flavor: str | None = None,
              replace: Mapping[str, str | Path] | None = None, record: Iterable[str] | None = None,
              record_every: int = 1, record_on: Iterable[str] = (), results: str | Path | None = None,
-             checkpoint: str | Path | None = None, checkpoint_every: float = 60.0,
+             checkpoint: str | Path | None = None, checkpoint_every: float = 60.0, method: cosim.Method | None = None,
              isolate: bool | Iterable[str] = False, progress: Progress | None = None) -> Simulation:
     """Simulate a lathe: a folder with SystemStructure.ssd, an .ssd or an .ssp, or a shipped one such as the default.
 
@@ -201,7 +216,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
     from the system. FMUs that the system names and that do not lie beside it are built from ``fmu_src``,
     in the flavor "native" or "python"; None takes native FMUs where a C compiler is found. ``replace`` names by
     component another .fmu, or a model file (.py), which is built. What is recorded (default:
-    all outputs and what the passes are found by), where it goes, checkpoints and isolation are those of
+    all outputs and what the passes are found by), where it goes, checkpoints, method and isolation are those of
     ``cosim.simulate``; the passes are found whatever is recorded.
 
     Raises:
@@ -221,7 +236,8 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
                                 record_every=record_every, record_on=record_on, watch=watch, results=results,
-                                checkpoint=checkpoint, checkpoint_every=checkpoint_every, isolate=isolate,
+                                checkpoint=checkpoint, checkpoint_every=checkpoint_every, method=method,
+                                isolate=isolate,
                                 progress=progress, about={
                                     "flavor": flavor, "replace": {name: str(path.absolute()) for name, path
                                                                   in chosen_fmus.items()}})

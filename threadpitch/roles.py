@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from threadpitch.cosim import Plan, Watch
 from threadpitch.cosim.values import Given
 from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE
+from threadpitch.workpiece import following
 
 Z_DRIVE, X_DRIVE = "z_drive", "x_drive"  # names in the lathe's SSD
 
@@ -62,8 +63,4 @@ class Roles:
         if start_angles is not None:
             for name in self.calculators:
                 angles |= {f"{name}.start_angle_count": len(start_angles), f"{name}.start_angle": list(start_angles)}
-        followers = (("lead", "pitch_target", self.calculators), ("x_surface", "surface_radius", self.cutters),
-                     ("z_face", "face", self.cutters), ("starts", "starts", self.cutters))
-        following = {f"{name}.{variable}": given[f"{CONTROLLER}.{source}"] for source, variable, names in followers
-                     for name in names if f"{CONTROLLER}.{source}" in given}
-        return following | {**given, **angles}
+        return following({**given, **angles}, self.calculators, self.cutters) | {**given, **angles}

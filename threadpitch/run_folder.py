@@ -28,11 +28,18 @@ def run_document(simulation: Simulation) -> dict[str, object]:
     return {
         "passes": [_pass_record(one) for one in simulation.passes],
         "alarm": simulation.alarm or None,
+        "events": event_records(simulation),
         "steps": simulation.steps,
         "simulated_s": simulation.simulated,
         "wall_s": simulation.wall_time,
         "flavor": simulation.flavor,
     }
+
+
+def event_records(simulation: Simulation) -> list[dict[str, object]]:
+    """What the run waited for, and when it happened."""
+    return [{"time_s": time, "variable": variable, "direction": direction}
+            for time, variable, direction in simulation.result.events]
 
 
 def check_folder(folder: str | Path) -> None:

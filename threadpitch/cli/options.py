@@ -23,6 +23,8 @@ SEVERAL = {
     "--replace": r"[^-=][^=]*=.*",
     "--record": _RECORDED,
     "--record-on": _RECORDED,
+    "--multiple": r"[^-=][^=]*=.*",
+    "--event": r"[^-=][^=]*=.*",
     "--isolate": r"[^-/\\.][^/\\.]*",
     "--platform": r"(linux|win|darwin)(64|-arm64)|(x86_64|aarch64)-[a-z]+",
 }

@@ -10,6 +10,17 @@ import typer
 
 from threadpitch import cycles, lathe
 from threadpitch.cli import store_options
+from threadpitch.cli.coupling import (
+    DEFAULT,
+    Adaptive,
+    Coupling,
+    Events,
+    Extrapolation,
+    Multiples,
+    Tolerance,
+    Words,
+    read_method,
+)
 from threadpitch.cli.kept import Asked, check_store, keeping_run
 from threadpitch.cli.options import (
     AsJson,
@@ -61,6 +72,12 @@ def run(
         metavar="S", parser=number, help="Stop time in s.", show_default="of the system")] = None,
     step_size: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="Communication step in s.", show_default="what the FMUs recommend")] = None,
+    coupling: Coupling = DEFAULT.coupling,
+    extrapolation: Extrapolation = 0,
+    multiple: Multiples = None,
+    tolerance: Tolerance = DEFAULT.tolerance,
+    adaptive: Adaptive = None,
+    event: Events = None,
     flavor: Flavor = None,
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trace.csv, pitch.csv, tables.txt and "
                                                              "result.json.")] = Path(DEFAULT_OUTPUT),
@@ -99,6 +116,7 @@ def run(
     angles = None if start_angle is None else radians(start_angle)
     replaced = {**read_replacements(replace or [])}
     faulty = {} if chosen is None else chosen.parameters
+    method = read_method(Words(coupling, extrapolation, multiple or (), tolerance, adaptive, event or ()))
 
     def simulated(folder: Path, words: Mapping[str, Given], enough: float | None) -> lathe.Simulation:
         with keeping(folder, lathe.choose_flavor(flavor)), progress("simulating") as told:
@@ -106,7 +124,7 @@ def run(
                 system, parameters={**faulty, **words, **values}, start_angles=angles, step_size=step_size,
                 flavor=flavor, stop_time=enough if stop_time is None else stop_time, record=record,
                 record_every=record_every, record_on=record_on or (), results=results, checkpoint=checkpoint,
-                checkpoint_every=checkpoint_every,
+                checkpoint_every=checkpoint_every, method=method,
                 replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
 
     cut = program_name or ("" if program is None else program.name)
