@@ -24,8 +24,6 @@ from threadpitch.cycles.moves import Hand
 from threadpitch.fmu import available_compiler, cached_fmu
 from threadpitch.passes import (
     CONTROLLER,
-    TOLD,
-    WORKPIECE,
     FloatArray,
     Pass,
     ToolPath,
@@ -35,13 +33,12 @@ from threadpitch.passes import (
 )
 from threadpitch.pitch import PitchTable
 from threadpitch.replacement import replacements
+from threadpitch.roles import X_DRIVE, Z_DRIVE, Roles
 from threadpitch.units import from_si
-from threadpitch.workpiece import following
 
 DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
 ACTUAL = "actual_pitch"
-Z_DRIVE, X_DRIVE = "z_drive", "x_drive"
 ANGLES = 8  # start angles of a PitchCalculator
 
 
@@ -235,25 +232,15 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         cosim.CosimError: the system, a value or a time is wrong, or a component fails.
         fmu.BuildError: an FMU cannot be built in this flavor.
     """
+    check_start_angles(start_angles)
     flavor = choose_flavor(flavor)
     chosen_fmus = replacements(replace or {}, flavor)
     with cosim.read_system(find_system(system), locate=functools.partial(locate_fmu, flavor),
                            replace=chosen_fmus) as structure:
         with cosim.prepare(structure) as plan:
-            calculators = [name for name, description in plan.descriptions.items()
-                           if "completed_pitch[1]" in description.variables]
-            controllers = [name for name, description in plan.descriptions.items()
-                           if {"z_face", "start_number"} <= description.variables.keys()]
-            cutters = [name for name, description in plan.descriptions.items()
-                       if {"surface_radius", "groove_position"} <= description.variables.keys()]
-            alarms = [f"{name}.alarm" for name in controllers if "alarm" in plan.descriptions[name].variables]
-            limits = [f"{component}.{name}" for component, name in ((CONTROLLER, "commanded_speed"),
-                                                                    (Z_DRIVE, "speed_limit"))
-                      if component in plan.descriptions and name in plan.descriptions[component].variables]
-        chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
-        chosen = following(chosen, calculators, cutters) | chosen
-        watch = _watch(calculators, controllers, [*limits, *alarms])
-        watch = cosim.Watch(watch.record, (*watch.on, *alarms))
+            roles = Roles.of(plan)
+        watch = roles.watch
+        chosen = roles.parameters(parameters or {}, start_angles)
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
                                 record_every=record_every, record_on=record_on, watch=watch, results=results,
@@ -281,34 +268,19 @@ def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: 
     return Simulation(result, flavor)
 
 
-def _watch(calculators: Sequence[str], controllers: Sequence[str], limits: Sequence[str]) -> cosim.Watch:
-    """What tells of every turn: the calculators' results when a turn ends or threading begins or ends."""
-    record, on = [], []
-    for name in calculators:
-        record += [f"{name}.{variable}" for variable in ("direction", "pitch_target", "start_angle*", "completed*",
-                                                         "crossing_position*")]
-        on += [f"{name}.{variable}" for variable in ("threading", "completed[*", "revolution*")]
-    for name in controllers:
-        record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
-    record += limits
-    return cosim.Watch(tuple(record), tuple(on))
-
-
 def choose_flavor(flavor: str | None = None) -> str:
     """The flavor itself; None is "native" where a C compiler (or ziglang) is found, else "python"."""
     return flavor or ("python" if available_compiler() is None else "native")
 
 
-def _start_angle_parameters(calculators: Sequence[str], start_angles: Sequence[float] | None) -> dict[str, Given]:
-    if start_angles is None:
-        return {}
-    if not 1 <= len(start_angles) <= ANGLES:
+def check_start_angles(start_angles: Sequence[float] | None) -> None:
+    """Refuse more start angles than a calculator takes.
+
+    Raises:
+        LatheError: there are none, or too many.
+    """
+    if start_angles is not None and not 1 <= len(start_angles) <= ANGLES:
         raise LatheError(f"{len(start_angles)} start angles; a pitch calculator takes 1 to {ANGLES}")
-    chosen: dict[str, Given] = {}
-    for name in calculators:
-        chosen[f"{name}.start_angle_count"] = len(start_angles)
-        chosen[f"{name}.start_angle"] = list(start_angles)
-    return chosen
 
 
 def shipped(name: str) -> Path:

@@ -18,6 +18,8 @@ _RECORDED = r"outputs|inputs|locals|parameters|\*|(?!.*\.ss[dp]$)[^-/\\][^/\\]*\
 SEVERAL = {
     "--start-angle": r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)",
     "--set": r"[^-=][^=]*=.*",
+    "--known": r"[^-=][^=]*=.*",
+    "--free": r"[a-z]\w*",
     "--replace": r"[^-=][^=]*=.*",
     "--record": _RECORDED,
     "--record-on": _RECORDED,

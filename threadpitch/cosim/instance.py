@@ -231,6 +231,12 @@ class FmuInstance(ABC):
         if self._state == "discarded":
             self._state = "initialized"
 
+    def reset(self) -> None:
+        """Make the instance what it was when it was new (FMI 2.0.5, 2.1.6; FMI 3.0.2, 2.2.5); not after a failure."""
+        self.check(self.function("Reset")(self.component), "the FMU cannot be reset")
+        self.messages.forget()
+        self.time, self._state = 0.0, "instantiated"
+
     def exit_initialization(self) -> None:
         """End initialisation."""
         self.check(self.function("ExitInitializationMode")(self.component), "initialisation failed")

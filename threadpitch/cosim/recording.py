@@ -102,6 +102,11 @@ class Taking:
         self.last: Block | None = None  # the row that was looked at last
         self.taken = 0
 
+    def again(self) -> Taking:
+        """The same selection, not begun yet, into memory."""
+        return Taking(self.channels, MemoryRows(self.channels), every=self.every,
+                      on=[channel.name for channel in self.on])
+
     def take(self, block: Block, first: int) -> bool:
         """Take what is wanted of some rows, the first of which has this number in the run. Whether the sink keeps the
         block itself.
@@ -209,6 +214,15 @@ class Recorder:
 
     def _turn_over(self) -> None:
         self.drain()
+        if not self.times.size:
+            self._begin()
+
+    def begin(self) -> None:
+        """Record another run, into the same block of rows, and for the same selections, which are kept in memory."""
+        self.takings = tuple(taking.again() for taking in self.takings)
+        self.events.clear()
+        self.go_on(0, 0)
+        self._whole = 0
         if not self.times.size:
             self._begin()
 
