@@ -105,6 +105,7 @@ def run(
     thread: store_options.ThreadName = "",
     serial: store_options.SerialNumber = "",
     note: store_options.Note = "",
+    publish: store_options.Publish = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a lathe that cuts a thread, and print the movement per revolution."""
@@ -131,7 +132,7 @@ def run(
                 replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
 
     cut = program_name or ("" if program is None else program.name)
-    kept = Asked(store, Labels(machine, cut, thread, serial, note))
+    kept = Asked(store, tuple(publish or ()), Labels(machine, cut, thread, serial, note))
     if program is None:
         if control is not None:
             fail("--control belongs to --program; for a run without one use --set controller.fluctuation_limit=0.1 and "
