@@ -58,7 +58,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_
                   context_settings={"help_option_names": ["-h", "--help"]},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
-for _command in (run, resume, check, analyze, watch, build, cycle, approach, report, publish, serve, study, tune, fit):
+for _command in (run, resume, check, analyze, watch, build, cycle, approach, report, study, tune, fit, publish, serve):
     app.command()(_command)
 app.add_typer(store, name="store")
 
