@@ -13,6 +13,7 @@ FLOORS = (
     {"trace", "cycles", "fmu"},
     {"pitch", "cosim"},
     {"passes"},
+    {"live_turns"},
     {"judgement", "tolerance", "store", "parameters", "replacement"},
     {"lathe", "sparkline"},
     {"tables", "study", "system_archive", "approach", "program_parameters", "faults"},
