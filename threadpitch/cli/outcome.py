@@ -12,10 +12,11 @@ from rich.console import Console
 from threadpitch import cosim, lathe
 from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
 from threadpitch.cli.printing import BAD_INPUT, complain, fail, print_json, printing
-from threadpitch.run_folder import run_document, save_run
-from threadpitch.tables import show_pass
+from threadpitch.run_folder import event_records, run_document, save_run
+from threadpitch.tables import printable, show_pass
 
 DEFAULT_OUTPUT = "threadpitch-run"
+_MOST_EVENTS = 10  # that are printed
 
 def finish(simulation: lathe.Simulation, output: Path, as_json: bool, keeper: Keeper | None = None) -> None:
     """Save a simulation that came to its end, keep it where that is wanted, and print what it found."""
@@ -65,9 +66,12 @@ def _program_document(simulations: Sequence[lathe.Simulation]) -> dict[str, obje
     """As of one run: the passes of all operations, and the sums of their steps and times."""
     documents = [run_document(simulation) for simulation in simulations]
     passes = [one for document in documents for one in document["passes"]]  # type: ignore[attr-defined] # a list
+    events = [{"operation": number, **event} for number, simulation in enumerate(simulations, start=1)
+              for event in event_records(simulation)]
     return {
         "passes": passes,
         "alarm": next((simulation.alarm for simulation in simulations if simulation.alarm), None),
+        "events": events,
         "steps": sum(simulation.steps for simulation in simulations),
         "simulated_s": sum(simulation.simulated for simulation in simulations),
         "wall_s": sum(simulation.wall_time for simulation in simulations),
@@ -85,11 +89,15 @@ def _warn(simulation: lathe.Simulation) -> None:
 def _show(simulation: lathe.Simulation, saved: Sequence[Path], stored: dict[str, object]) -> None:
     console = Console()
     for one in simulation.passes:
-        show_pass(console, one)
+        show_pass(console, one, simulation.beside(one))
         console.print()
     if not simulation.calculators:
         console.print(simulation.why_no_turn())
     result = simulation.result
+    for time, variable, direction in result.events[:_MOST_EVENTS]:
+        print(f"event: {printable(variable)} {direction} at t = {time:.9g} s")
+    if result.events[_MOST_EVENTS:]:
+        print(f"and {len(result.events) - _MOST_EVENTS} more events in result.json")
     elsewhere = "" if result.path is None else f", results in {result.path}"
     print(f"{simulation.steps} steps, {simulation.simulated:g} s simulated in {simulation.wall_time:.2f} s with "
           f"{simulation.flavor} FMUs\nsaved in {saved[0].parent}: {', '.join(path.name for path in saved)}{elsewhere}")

@@ -10,6 +10,17 @@ import typer
 
 from threadpitch import cycles, lathe
 from threadpitch.cli import store_options
+from threadpitch.cli.coupling import (
+    DEFAULT,
+    Adaptive,
+    Coupling,
+    Events,
+    Extrapolation,
+    Multiples,
+    Tolerance,
+    Words,
+    read_method,
+)
 from threadpitch.cli.kept import Asked, Keeper, check_store, keeping_run
 from threadpitch.cli.options import (
     AsJson,
@@ -31,6 +42,7 @@ from threadpitch.cli.options import (
 from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping
 from threadpitch.cli.printing import fail, printing, progress
 from threadpitch.cli.program import Job, run_program
+from threadpitch.cosim.keeping import SAVING_TIME
 from threadpitch.cosim.values import Given
 from threadpitch.faults import fault_names, read_fault
 from threadpitch.parameters import read_assignments, read_parameters
@@ -61,6 +73,12 @@ def run(
         metavar="S", parser=number, help="Stop time in s.", show_default="of the system")] = None,
     step_size: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="Communication step in s.", show_default="what the FMUs recommend")] = None,
+    coupling: Coupling = DEFAULT.coupling,
+    extrapolation: Extrapolation = 0,
+    multiple: Multiples = None,
+    tolerance: Tolerance = DEFAULT.tolerance,
+    adaptive: Adaptive = None,
+    event: Events = None,
     flavor: Flavor = None,
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trace.csv, pitch.csv, tables.txt and "
                                                              "result.json.")] = Path(DEFAULT_OUTPUT),
@@ -76,8 +94,8 @@ def run(
     checkpoint: Annotated[Path | None, typer.Option(
         metavar="FILE", help="Save the state of the run for `threadpitch resume FILE`, at the end and when it is "
                              "interrupted too.")] = None,
-    checkpoint_every: Annotated[float, typer.Option(metavar="S", parser=number, help="Time between two saves in s.")]
-    = 60.0,
+    checkpoint_every: Annotated[float | None, typer.Option(
+        metavar="S", parser=number, help="Time between two saves in s.", show_default=f"{SAVING_TIME:g}")] = None,
     isolate: Annotated[list[str] | None, typer.Option(
         metavar="NAME ...", help="Components in processes of their own, whose crash ends the run in order; all for "
                                  "all.")] = None,
@@ -91,7 +109,9 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Simulate a lathe that cuts a thread, and print the movement per revolution."""
-    check_folder(output)
+    check_folder(output, results, checkpoint)
+    if checkpoint is None and checkpoint_every is not None:
+        fail("--checkpoint-every saves nothing without --checkpoint FILE; give one")
     chosen = None if fault is None else read_fault(fault)
     values: dict[str, Given] = {}
     for file in parameters or []:
@@ -100,6 +120,7 @@ def run(
     angles = None if start_angle is None else radians(start_angle)
     replaced = {**read_replacements(replace or [])}
     faulty = {} if chosen is None else chosen.parameters
+    method = read_method(Words(coupling, extrapolation, multiple or (), tolerance, adaptive, event or ()))
 
     def simulated(folder: Path, words: Mapping[str, Given], enough: float | None,
                   keeper: Keeper | None = None) -> lathe.Simulation:
@@ -108,7 +129,7 @@ def run(
                 system, parameters={**faulty, **words, **values}, start_angles=angles, step_size=step_size,
                 flavor=flavor, stop_time=enough if stop_time is None else stop_time, record=record,
                 record_every=record_every, record_on=record_on or (), results=results, checkpoint=checkpoint,
-                checkpoint_every=checkpoint_every,
+                checkpoint_every=SAVING_TIME if checkpoint_every is None else checkpoint_every, method=method,
                 replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told,
                 turned=None if keeper is None else keeper.live)
 
