@@ -21,7 +21,6 @@ from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch
 from threadpitch.runs import Labels
 from threadpitch.tables import analysis_document, show_groups
 from threadpitch.trace import ColumnChoice, Signals
-from threadpitch.units import to_si
 
 CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 
@@ -99,7 +98,7 @@ def analyze(
             if keeper is not None:
                 stored = keeper.finish_log(groups, found, reading.described())
         finally:  # what was found is told, whatever becomes of the store
-            _show(Shown(groups, found, stored, None if target is None else to_si(target, "mm")), as_json)
+            _show(Shown(groups, found, stored), as_json)
 
 
 @dataclass(frozen=True)
@@ -145,7 +144,6 @@ class Shown:
     groups: Sequence[GroupPitch | StreamedPitch]
     found: Findings
     stored: dict[str, object]
-    target: float | None  # m
 
 
 def _show(shown: Shown, as_json: bool) -> None:
@@ -153,7 +151,7 @@ def _show(shown: Shown, as_json: bool) -> None:
         if as_json:
             print_json(analysis_document(shown.groups) | findings_document(shown.found) | shown.stored)
         else:
-            show_groups(Console(), shown.groups, target=shown.target)
+            show_groups(Console(), shown.groups, target=shown.found.target)
             show_findings(Console(), shown.found)
             if shown.stored:
                 print(stored_line(shown.stored))
