@@ -13,6 +13,7 @@ FLOORS = (
     {"trace", "cycles", "fmu"},
     {"pitch", "cosim"},
     {"passes"},
+    {"live_turns"},
     {"judgement", "tolerance", "store", "parameters", "replacement", "workpiece"},
     {"roles"},
     {"lathe", "sparkline"},

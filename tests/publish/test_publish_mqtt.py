@@ -59,7 +59,8 @@ def events_of(machine: str) -> tuple[RunEvents, NewRun]:
     table = PitchTable.of_pitches(1.5e-3 + 1e-6 * np.arange(6.0).reshape(2, 3), [0.0, np.pi])
     events = RunEvents("log", "log.csv", Labels(machine=machine, serial_number="S-1"))
     verdict = {"cause": "none", "sentence": "Nothing is wrong.", "advice": [], "evidence": {}}
-    return events, NewRun(kind="log", source="log.csv", passes=(StoredPass("log", "1", table, 1.5e-3),), uid=events.uid,
+    passes = (StoredPass("log", "1", table, 1.5e-3),)
+    return events, NewRun(kind="log", source="log.csv", passes=passes, uid=events.uid, serial_number="S-1",
                           verdict=verdict)
 
 

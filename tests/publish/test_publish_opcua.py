@@ -66,8 +66,9 @@ def read_by_node(folder: Path, *arguments: str) -> subprocess.CompletedProcess[s
 
 
 def document(out: str) -> dict[str, Any]:
-    """node-opcua writes remarks before the line that is asked for."""
-    return dict(json.loads(out.splitlines()[-1]))
+    """node-opcua writes remarks before and behind the line that is asked for."""
+    (line,) = [one for one in out.splitlines() if one.startswith("{")]
+    return dict(json.loads(line))
 
 
 @pytest.mark.skipif(not node_opcua(), reason="needs node with the package node-opcua-client on NODE_PATH")

@@ -11,6 +11,7 @@ from pathlib import Path
 from threadpitch.cli.judging import Findings
 from threadpitch.cli.printing import remark
 from threadpitch.lathe import Simulation
+from threadpitch.live_turns import LiveTurn
 from threadpitch.pitch import GroupPitch, StreamedPitch
 from threadpitch.publish import Outlet, outlets, wait_until_taken
 from threadpitch.runs import Labels, LogTrace, RunEvents, log_run, simulation_run, simulation_trace
@@ -53,6 +54,11 @@ class Keeper:
         """Revolutions are complete."""
         self._told |= {(turn.calculator, turn.group, turn.start_angle, turn.number) for turn in turns}
         self._tell([self.events.revolution(turn) for turn in turns])
+
+    def live(self, turns: Sequence[LiveTurn]) -> None:
+        """Revolutions of a simulation that runs."""
+        self.turns([Turn(one.calculator, str(one.number_of_pass), one.turn, one.start_angle, one.pitch, one.target)
+                    for one in turns])
 
     def sample(self, group: str, piece: Piece | Trace) -> None:
         """The next samples of a log."""
