@@ -31,15 +31,15 @@ def definition(rows: int, stop_time: float = 0.4) -> dict[str, Any]:
 
 
 @contextmanager
-def killing(every: float) -> Iterator[list[int]]:
-    """Kill one of this process's workers every so many seconds; the list tells which."""
+def killing(every: float, begun: threading.Event) -> Iterator[list[int]]:
+    """Once rows have come, kill one of this process's workers every so many seconds; the list tells which."""
     killed: list[int] = []
     over = threading.Event()
     choice = random.Random(1)
 
     def kill() -> None:
         while not over.wait(every):
-            if workers := own_workers():
+            if begun.is_set() and (workers := own_workers()):
                 killed.append(choice.choice(workers).pid)
                 psutil.Process(killed[-1]).kill()
 
@@ -73,8 +73,10 @@ def main() -> None:
         quiet = study(definition(rows), output=Path(folder) / "quiet", place=Place(workers=2))
         print(f"undisturbed: {rows} rows in {time.perf_counter() - began:.1f} s")
         began = time.perf_counter()
-        with killing(every) as killed:
-            disturbed = study(definition(rows), output=Path(folder) / "disturbed", place=Place(workers=2))
+        begun = threading.Event()
+        with killing(every, begun) as killed:
+            disturbed = study(definition(rows), output=Path(folder) / "disturbed", place=Place(workers=2),
+                              progress=lambda done, rows: begun.set())
         print(f"with {len(killed)} workers killed: {disturbed.analysis.rows} rows in "
               f"{time.perf_counter() - began:.1f} s, {disturbed.analysis.failed} failed, missing {disturbed.missing}")
         print("tables are equal" if disturbed.table.equals(quiet.table, check_metadata=True) else "TABLES DIFFER")
