@@ -1,6 +1,6 @@
 """Workers are killed at random while they compute a study: the table is complete, and equal to the undisturbed one.
 
-    python -m tests.benchmarks.bench_killed_workers [rows] [seconds between kills]        default 2000, 3
+    python -m tests.benchmarks.bench_killed_workers [rows] [seconds between kills]        default 2000, 10
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def _command(process: Any) -> list[str]:
 def main() -> None:
     """Print what was killed, and whether the tables are equal."""
     rows = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
-    every = float(sys.argv[2]) if len(sys.argv) > 2 else 3.0
+    every = float(sys.argv[2]) if len(sys.argv) > 2 else 10.0
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
         quiet = study(definition(rows), output=Path(folder) / "quiet", place=Place(workers=2))
