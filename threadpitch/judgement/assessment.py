@@ -12,17 +12,22 @@ from threadpitch.judgement.alignment import Pair
 from threadpitch.judgement.hypotheses import (
     BOTH,
     CONTROL,
+    HARDLY,
     MECHANICAL,
+    NOISE_MARGIN,
+    NONE,
     UNDETERMINED,
     Fluctuations,
     Hypothesis,
     decide,
+    energy,
     hidden,
     hypotheses,
     without_control,
 )
 from threadpitch.judgement.jitter import Nominal, nominal_parts
 from threadpitch.judgement.noise import neighbours
+from threadpitch.judgement.pursuit import sure_event
 from threadpitch.judgement.shapes import Dictionary, Shape, dictionary
 from threadpitch.judgement.verdict import Evidence, Part
 from threadpitch.trace import FloatArray
@@ -37,12 +42,12 @@ class Assessment:
     candidates: Dictionary
     found: dict[str, Hypothesis]
     offset: float
+    moved: float  # sum of the squares of what the nominal pitches move by, over the uncertainty
 
     @property
     def costs(self) -> dict[str, float]:
         """By cause."""
         return {cause: one.cost for cause, one in self.found.items()}
-
 
     def cause(self) -> str:
         """What the costs tell, where the nominal pitches could tell it."""
@@ -51,6 +56,8 @@ class Assessment:
     def cause_at(self, costs: dict[str, float]) -> str:
         """The same at other costs."""
         cause = decide(costs)
+        if cause == NONE and self.nominal.moves and self.moved > HARDLY:
+            return UNDETERMINED  # the control does move the feed, by less than this thread can show
         if cause == MECHANICAL and hidden(self.data, self.nominal, self.found[MECHANICAL]):
             return UNDETERMINED
         return cause
@@ -59,11 +66,12 @@ class Assessment:
 def assess(pair: Pair, target: float, screw_turns: float | None) -> Assessment:
     """The hypotheses about P - target of the two tables."""
     data = Fluctuations(pair.turns, pair.nominal - target, pair.measured - target, pair.uncertainty,
-                        neighbours(pair.turns))
+                        neighbours(pair.turns), pair.nominal_uncertainty)
     candidates = dictionary(tuple(pair.turns.tolist()), screw_turns)
     shapes = without_control(data, candidates)
     nominal = nominal_parts(data.nominal, (data.measured, shapes.left * data.uncertainty), data.linked, candidates)
-    return Assessment(data, nominal, candidates, hypotheses(data, nominal, candidates, shapes), pair.offset)
+    return Assessment(data, nominal, candidates, hypotheses(data, nominal, candidates, shapes), pair.offset,
+                      energy(data, nominal, candidates))
 
 
 def evidence(found: Assessment, cause: str) -> Evidence:
@@ -87,6 +95,8 @@ def evidence(found: Assessment, cause: str) -> Evidence:
         control_share=_share(data, chosen), nominal_jitter=math.sqrt(chosen.jitter),
         rest=tuple(_parts(chosen, data, found.candidates)) if mechanical else (),
         irregular=_irregular(chosen), within_turn=None, costs=found.costs,
+        movement=math.sqrt(max(found.moved, 0.0) / data.turns.size) * uncertainty if found.nominal.moves else 0.0,
+        detectable=uncertainty * sure_event(data.turns.size, NOISE_MARGIN),
     )
 
 

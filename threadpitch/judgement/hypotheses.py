@@ -28,7 +28,10 @@ CONTROL, MECHANICAL, BOTH, NONE, UNDETERMINED = "control", "mechanical", "both",
 GAIN_RANGE = (0.95, 1.05)  # of the movement that a drive's table makes per movement that its detector sees
 CONTROL_PRICE = 3.0
 MARGIN = 4.0  # by which a cause must win: a likelihood ratio of e^2, on top of the prices
+NOISE_MARGIN = 2.0  # by which noise alone must win
 VISIBLE = 9.0  # sum of the squares of the nominal fluctuation over the uncertainty: less cannot be seen in the thread
+MOVED = 4.0  # the same, where the nominal pitches surely are a movement
+HARDLY = 1.0  # the same: the feed moves less than can be measured
 SHOWS = 25.0  # the same: so much must be seen
 PHYSICS = 14.0  # cost of a feed that moves in the detectors' sight and leaves nothing in the thread: one in a thousand
 TOLD = 16.0  # square over the jitter's variance from which the nominal pitches tell whether a shape is in them
@@ -44,6 +47,7 @@ class Fluctuations:
     measured: FloatArray  # (turns,) m
     uncertainty: FloatArray  # (turns,) m, standard, of each measured pitch
     linked: BoolArray  # (turns - 1,) the next turn follows at once
+    doubt: FloatArray  # (turns,) m, standard uncertainty of each nominal pitch
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +83,11 @@ def hypotheses(data: Fluctuations, nominal: Nominal, candidates: Dictionary, sha
     plain = data.measured / data.uncertainty
     absent = np.zeros_like(plain)
     noise = unexplained(plain)
-    surprise = PHYSICS if nominal.moves and _energy(data, nominal, candidates) > SHOWS else 0.0
-    found = [Hypothesis(NONE, 0.0, absent, data.uncertainty, nominal.jitter, noise, noise.cost),
+    moved = energy(data, nominal, candidates)
+    surprise = PHYSICS if nominal.moves and moved > SHOWS else 0.0
+    found = [Hypothesis(NONE, 0.0, absent, data.uncertainty, nominal.jitter, noise, noise.cost + surprise),
              Hypothesis(MECHANICAL, 0.0, absent, data.uncertainty, nominal.jitter, shapes, shapes.cost + surprise)]
-    if _energy(data, nominal, candidates) < VISIBLE:
+    if moved < (MOVED if nominal.moves else VISIBLE):
         return {one.cause: one for one in found}
     sights = _sights(data, nominal, candidates, shapes)
     for cause in (CONTROL, BOTH):
@@ -94,12 +99,13 @@ def hypotheses(data: Fluctuations, nominal: Nominal, candidates: Dictionary, sha
 def decide(costs: dict[str, float]) -> str:
     """The cause that costs least, where no other does nearly as well; the simpler of two that do.
 
-    Noise alone needs no margin: every cause has paid its price already. Where "both" wins over a single cause by less
+    Noise alone needs a small margin only: every cause has paid its price already. Where "both" wins over a single cause by less
     than ``MARGIN``, the other cause is too small to be sure of, and the single one is named.
     """
     best = min(costs, key=lambda cause: costs[cause])
     if best == NONE:
-        return NONE
+        other = min(cost for cause, cost in costs.items() if cause != NONE)
+        return NONE if other >= costs[NONE] + NOISE_MARGIN else UNDETERMINED
     near = {cause for cause, cost in costs.items() if cost < costs[best] + MARGIN}
     if NONE in near or {CONTROL, MECHANICAL} <= near:
         return UNDETERMINED
@@ -141,7 +147,7 @@ def hidden(data: Fluctuations, nominal: Nominal, mechanical: Hypothesis) -> bool
 def _with_control(cause: str, data: Fluctuations, seen: Seen, candidates: Dictionary,
                   mechanical: Explanation) -> Hypothesis:
     """The nominal fluctuation is taken off with the gain within its range that leaves least."""
-    scale = np.sqrt(data.uncertainty**2 + seen.variance)
+    scale = np.sqrt(data.uncertainty**2 + np.maximum(seen.variance, data.doubt**2))
     nominal, measured = seen.nominal / scale, data.measured / scale
     added = float(2.0 * np.sum(np.log(scale / data.uncertainty)))
     gain, basis = 1.0, np.zeros((nominal.size, 0))
@@ -158,9 +164,9 @@ def _with_control(cause: str, data: Fluctuations, seen: Seen, candidates: Dictio
     return Hypothesis(cause, gain, seen.nominal, scale, seen.jitter, shapes, shapes.cost + added + CONTROL_PRICE)
 
 
-def _energy(data: Fluctuations, nominal: Nominal, candidates: Dictionary) -> float:
+def energy(data: Fluctuations, nominal: Nominal, candidates: Dictionary) -> float:
     """Sum of the squares of the nominal fluctuation less its jitter, over the measuring uncertainty."""
-    whole = float(np.sum((data.nominal**2 - nominal.least_jitter) / data.uncertainty**2))
+    whole = float(np.sum((data.nominal**2 - np.maximum(nominal.least_jitter, data.doubt**2)) / data.uncertainty**2))
     basis = span(nominal.shapes, candidates)
     return max(whole, float(np.sum((basis @ (basis.T @ data.nominal) / data.uncertainty)**2)))
 

@@ -9,7 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from threadpitch.judgement.alignment import MeasuredThread, Pair, nearest_row, nominal_places, pairs, pitches
+from threadpitch.judgement.alignment import (
+    MeasuredThread,
+    NominalThread,
+    Pair,
+    nearest_row,
+    nominal_row,
+    pairs,
+    pitches,
+)
 from threadpitch.judgement.assessment import Assessment, assess, evidence
 from threadpitch.judgement.hypotheses import BOTH, CONTROL, MECHANICAL, NONE, UNDETERMINED
 from threadpitch.judgement.verdict import JudgementError, Verdict
@@ -50,7 +58,8 @@ def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
         measured: P_n (revolutions,) m, or (start_angles, revolutions); NaN where a turn was not measured. Or measured
             threads with turn numbers, positions, uncertainties of their own; several for several start angles.
         target: P_ref, m: the movement per revolution that was wanted (the lead).
-        uncertainty: standard uncertainty of one measured pitch, m; those of a measured thread win.
+        uncertainty: standard uncertainty of one measured pitch, m; those of a measured thread win. That of the nominal
+            pitches' crossings counts besides where their table has one.
         screw_lead: lead of the feed's ball screw, m: finds what repeats with its turns.
 
     Tables of different length are laid over one another by turn numbers or positions, or where there are none, by
@@ -72,9 +81,8 @@ def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
 
 @dataclass(frozen=True, eq=False)
 class _Row:
-    nominal: FloatArray  # (turns,) m
+    nominal: NominalThread
     measured: MeasuredThread
-    places: FloatArray | None  # (turns,) m
 
 
 def _question(target: float, uncertainty: float | None, screw_lead: float | None) -> _Question:
@@ -91,21 +99,23 @@ def _rows(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
     if isinstance(measured, Sequence) and measured and isinstance(measured[0], MeasuredThread):
         return [_row_of(nominal, one) for one in measured if isinstance(one, MeasuredThread)]
     table = _two_dimensional(measured, "measured")
-    seen = nominal.pitch if isinstance(nominal, PitchTable) else _two_dimensional(nominal, "nominal")
+    if isinstance(nominal, PitchTable):
+        seen = [replace(nominal_row(nominal, row), places=None) for row in range(len(nominal.pitch))]
+    else:
+        seen = [NominalThread(pitches(one, "nominal")) for one in _two_dimensional(nominal, "nominal")]
     if len(table) == 1:
         seen = seen[:1]
     if len(seen) != len(table):
         raise JudgementError(f"{len(table)} rows of measured pitches, {len(seen)} of nominal ones; give one row for "
                              "each start angle")
-    return [_Row(pitches(one, "nominal"), MeasuredThread(pitches(other, "measured")), None)
-            for one, other in zip(seen, table, strict=True)]
+    return [_Row(one, MeasuredThread(pitches(other, "measured"))) for one, other in zip(seen, table, strict=True)]
 
 
 def _row_of(nominal: ArrayLike | PitchTable, measured: MeasuredThread) -> _Row:
     if not isinstance(nominal, PitchTable):
-        return _Row(pitches(_two_dimensional(nominal, "nominal")[0], "nominal"), measured, None)
+        return _Row(NominalThread(pitches(_two_dimensional(nominal, "nominal")[0], "nominal")), measured)
     row = 0 if measured.start_angle is None else nearest_row(nominal, measured.start_angle)
-    return _Row(nominal.pitch[row], measured, nominal_places(nominal, row))
+    return _Row(nominal_row(nominal, row), measured)
 
 
 def _two_dimensional(values: object, name: str) -> FloatArray:
@@ -129,7 +139,7 @@ def _judge_row(row: _Row, question: _Question) -> Verdict:
         uncertainty = np.full(measured.pitch.size, question.uncertainty)
     if not (np.isfinite(uncertainty) & (uncertainty > 0.0)).all():
         raise JudgementError("an uncertainty of the measured pitches is not positive; give standard uncertainties in m")
-    offered = pairs(row.nominal, measured, uncertainty, row.places)
+    offered = pairs(row.nominal, measured, uncertainty)
     most = max(one.turns.size for one in offered)
     if most > MOST_TURNS:
         raise JudgementError(f"{most} turns are in both tables; give at most {MOST_TURNS} of them at once")
@@ -147,10 +157,10 @@ def _in_step(pair: Pair, row: _Row, uncertainty: FloatArray, question: _Question
     if row.measured.turn is None and row.measured.position is None and cause != NONE:
         for shift in SHIFTS:
             turns = np.arange(1.0, row.measured.pitch.size + 1.0) + shift
-            (other,) = pairs(row.nominal, replace(row.measured, turn=turns), uncertainty, None)
+            (other,) = pairs(row.nominal, replace(row.measured, turn=turns), uncertainty)
             if other.turns.size < max(FEWEST_TURNS, pair.turns.size - abs(shift)):
                 continue
-            same = _restricted(pair, other, shift)
+            same = pair.only(np.isin(pair.turns + shift, other.turns))
             if _misfit(other) > _SHIFT_WORTH * _misfit(same):
                 continue
             here = assess(same, question.target, question.screw_turns)
@@ -160,12 +170,6 @@ def _in_step(pair: Pair, row: _Row, uncertainty: FloatArray, question: _Question
                         "nominal table does")
                 return _worded(UNDETERMINED, found, (note,))
     return _worded(cause, found, ())
-
-
-def _restricted(pair: Pair, other: Pair, shift: int) -> Pair:
-    """Those measured turns of a pair that a shifted pair has too."""
-    kept = np.isin(pair.turns + shift, other.turns)
-    return Pair(pair.turns[kept], pair.nominal[kept], pair.measured[kept], pair.uncertainty[kept], pair.offset)
 
 
 def _misfit(pair: Pair) -> float:

@@ -60,6 +60,8 @@ class Evidence:
     rest: tuple[Part, ...]  # what the control does not explain
     irregular: float  # root mean square of the rest beside its parts, where it exceeds the uncertainty; 0 = noise
     within_turn: float | None  # m, largest error within the turn that repeats; None = not observable
+    movement: float = 0.0  # m, root mean square of what the control surely moves the feed by; 0 = it only jitters
+    detectable: float = math.nan  # m: a single turn off by less than this may be taken for noise
     costs: dict[str, float] = field(default_factory=dict)  # minus twice the logarithm of each cause's likelihood
 
     @property
@@ -105,6 +107,8 @@ def verdict_document(verdict: Verdict) -> dict[str, object]:
             "nominal_jitter_um": _um(found.nominal_jitter),
             "rest": [_part(part) for part in found.rest],
             "irregular_um": _um(found.irregular),
+            "movement_um": _um(found.movement),
+            "detectable_um": _um(found.detectable),
             "within_turn_um": None if found.within_turn is None else _um(found.within_turn),
             "costs": {cause: round(cost, 3) for cause, cost in found.costs.items()},
         },
