@@ -15,6 +15,8 @@ FLOORS = (
     {"passes"},
     {"judgement", "tolerance", "store", "parameters", "replacement"},
     {"lathe"},
+    {"measuring"},
+    {"diagnosis"},
     {"tables", "publish", "study", "system_archive", "approach", "program_parameters", "faults"},
     {"report", "run_folder", "system_report"},
     {"serve"},

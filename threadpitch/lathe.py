@@ -31,6 +31,11 @@ NOMINAL = "nominal_pitch"  # names in the lathe's SSD
 ACTUAL = "actual_pitch"
 Z_DRIVE, X_DRIVE = "z_drive", "x_drive"
 ANGLES = 8  # start angles of a PitchCalculator
+# Parameters of the control that a diagnosis needs
+LIMITS = tuple((component, name) for component, names in (
+    (CONTROLLER, ("commanded_speed", "period", "start_mode", "start_time_constant", "command_age", "age_compensation")),
+    (Z_DRIVE, ("speed_limit", "position_gain", "feedforward", "command_period", "torque_limit", "drive_type",
+               "screw_lead"))) for name in names)
 
 
 class LatheError(ValueError):
@@ -57,6 +62,10 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         other = Simulation(self.result, self.flavor)
         other._numbers, other._final = tuple(numbers), frozenset(final)
         return other
+
+    def parameter(self, name: str) -> float | None:
+        """A parameter of the control or the Z drive; None where the system does not have it."""
+        return float(self._turning[name][0]) if name in self._turning else None
 
     @property
     def time(self) -> FloatArray:
@@ -101,7 +110,7 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         """
         if calculator not in self.calculators:
             raise LatheError(f"component {calculator!r} calculates no pitches{nearest(calculator, self.calculators)}")
-        found = find_passes(self._turning, calculator, self._threading())
+        found = find_passes(self._turning, calculator, self._threading(), self._turning.time)
         if not self._numbers:
             return found
         return tuple(replaced(one, number=number, final_flank=number in self._final)
@@ -205,8 +214,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
                            if {"z_face", "start_number"} <= description.variables.keys()]
             cutters = [name for name, description in plan.descriptions.items()
                        if {"surface_radius", "groove_position"} <= description.variables.keys()]
-            limits = [f"{component}.{name}" for component, name in ((CONTROLLER, "commanded_speed"),
-                                                                    (Z_DRIVE, "speed_limit"))
+            limits = [f"{component}.{name}" for component, name in LIMITS
                       if component in plan.descriptions and name in plan.descriptions[component].variables]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
         chosen = _following(chosen, calculators, cutters) | chosen

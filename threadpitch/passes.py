@@ -41,6 +41,8 @@ class Pass:
     lead: float | None = None  # m
     pitch: float | None = None  # m, lead / starts
     final_flank: bool = False  # of its start, the last pass that takes metal
+    began: float | None = None  # s, when the feed began to follow the spindle
+    ended: float | None = None  # s
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +55,15 @@ class ToolPath:
     threading: NDArray[np.bool_]  # (rows,)
 
 
-def find_passes(columns: Columns, calculator: str, threading: NDArray[np.bool_]) -> tuple[Pass, ...]:
-    """The passes as this calculator saw them; ``threading`` (rows,) parts them."""
-    numbered = enumerate(_stretches(threading), start=1)
-    found = [replace(one, number=number) for number, rows in numbered
-             if (one := _pass(columns, calculator, rows)) is not None]
+def find_passes(columns: Columns, calculator: str, threading: NDArray[np.bool_], time: FloatArray) -> tuple[Pass, ...]:
+    """The passes as this calculator saw them; ``threading`` (rows,) parts them, ``time`` (rows,) s tells when."""
+    found = []
+    for number, rows in enumerate(_stretches(threading), start=1):
+        one = _pass(columns, calculator, rows)
+        if one is not None:
+            ends = rows.start + int(np.argmin(np.append(threading[rows], False)))
+            found.append(replace(one, number=number, began=float(time[rows.start]),
+                                 ended=float(time[min(ends, time.size - 1)])))
     last = {one.start_number: one.number for one in found if one.kind not in (None, "spring")}
     return tuple(replace(one, final_flank=one.number == last.get(one.start_number)) for one in found)
 

@@ -11,25 +11,32 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from threadpitch.diagnosis import Diagnosis, diagnosis_document, diagnosis_lines
 from threadpitch.lathe import Simulation
+from threadpitch.measuring import write_measured
 from threadpitch.passes import Pass
 from threadpitch.tables import pass_text, pitch_record, start_angles_deg
 from threadpitch.units import from_si
 
 FILES = ("trace.csv", "pitch.csv", "tables.txt", "result.json")
+MEASURED = "measured.csv"  # of a thread that was measured by a plan
 _TEMPORARY = ".threadpitch-"
 _CHOOSE = "choose another folder with --output"
 HEADER = ("calculator", "pass", "start_number", "start_angle_deg", "n", "pitch_mm", "deviation_um", "in_metal")
 
 
-def run_document(simulation: Simulation) -> dict[str, object]:
-    """The result as a JSON document: passes with P(n) in mm per start angle (null where a turn is missing), counts."""
+def run_document(simulation: Simulation, found: Diagnosis | None = None) -> dict[str, object]:
+    """The result as a JSON document: passes with P(n) in mm per start angle (null where a turn is missing), counts.
+
+    Where the pitches were judged, ``verdict`` holds what was found.
+    """
     return {
         "passes": [_pass_record(one) for one in simulation.passes],
         "steps": simulation.steps,
         "simulated_s": simulation.simulated,
         "wall_s": simulation.wall_time,
         "flavor": simulation.flavor,
+        **({} if found is None else {"verdict": diagnosis_document(found)}),
     }
 
 
@@ -40,7 +47,7 @@ def check_folder(folder: str | Path) -> None:
         OSError: a file is in the way, or the folder, or the one that it would be made in, cannot be written.
     """
     folder = Path(folder)
-    for name in FILES:
+    for name in (*FILES, MEASURED):
         if (folder / name).is_dir():
             raise IsADirectoryError(f"{folder / name} is a folder; {_CHOOSE}")
     nearest = next((one for one in (folder, *folder.parents) if os.path.lexists(one)), Path())
@@ -52,8 +59,10 @@ def check_folder(folder: str | Path) -> None:
         raise _unwritable(folder, error) from None
 
 
-def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
+def save_run(simulation: Simulation, folder: str | Path, found: Diagnosis | None = None) -> list[Path]:
     """Write ``trace.csv``, ``pitch.csv``, ``tables.txt`` and ``result.json`` into a folder (made if need be).
+
+    Besides ``measured.csv``, where the thread was measured.
 
     All are written aside first, so that the folder never holds half of a run; of a former run in the folder the
     files of these names are replaced, others stay. There is no ``trace.csv`` of a run whose results went to a file.
@@ -69,10 +78,10 @@ def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
         place.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=_TEMPORARY, dir=place))
         try:
-            _write_files(simulation, temporary)
-            written = [name for name in FILES if (temporary / name).exists()]
+            _write_files(simulation, temporary, found)
+            written = [name for name in (*FILES, MEASURED) if (temporary / name).exists()]
             if place is folder:
-                for name in FILES:
+                for name in (*FILES, MEASURED):
                     if name in written:
                         os.replace(temporary / name, folder / name)
                     else:
@@ -91,13 +100,16 @@ def _unwritable(folder: Path, error: OSError) -> OSError:
     return OSError(f"{folder}: cannot be written ({error.strerror or error}); {_CHOOSE}")
 
 
-def _write_files(simulation: Simulation, folder: Path) -> None:
+def _write_files(simulation: Simulation, folder: Path, found: Diagnosis | None) -> None:
     if simulation.result.path is None:
         simulation.result.save(folder)
     _write_pitches(simulation, folder / "pitch.csv")
     text = "\n".join(pass_text(one) for one in simulation.passes)
-    (folder / "tables.txt").write_text(text, encoding="utf-8")
-    (folder / "result.json").write_text(json.dumps(run_document(simulation), indent=1) + "\n", encoding="utf-8")
+    verdict = "" if found is None else "\n" + "\n".join(diagnosis_lines(found)) + "\n"
+    (folder / "tables.txt").write_text(text + verdict, encoding="utf-8")
+    (folder / "result.json").write_text(json.dumps(run_document(simulation, found), indent=1) + "\n", encoding="utf-8")
+    if found is not None and found.measured:
+        write_measured(found.measured, folder / MEASURED)
 
 
 def _pass_record(one: Pass) -> dict[str, object]:

@@ -36,7 +36,7 @@ from threadpitch.cosim.check import Plan
 
 CAUSES = ("control", "mechanical", "both", "none")
 VERDICTS = (*CAUSES, "undetermined")
-DEVELOPMENT, HELD_OUT = 0, 1_000_000  # first seeds
+DEVELOPMENT, HELD_OUT = 0, 2_000_000  # first seeds
 CLEAR, FAINT = (5.0, 50.0), (1.0, 5.0)  # severities over the measuring uncertainty
 CHUNK = 50  # threads that are cut before it is looked whether they are enough
 NOTICEABLE = 1.5  # root mean square over the uncertainty from which the simple rules see a fluctuation at all

@@ -42,7 +42,8 @@ FEWEST_TURNS = 8
 CHANCES = {"control": 0.3, "mechanical": 0.35, "both": 0.3, "none": 0.05}
 TURN = 2.0 * math.pi
 RECORD = [f"{calculator}.{variable}" for calculator in (lathe.NOMINAL, lathe.ACTUAL)
-          for variable in ("direction", "pitch_target", "start_angle*", "completed*", "crossing_position*", "threading")]
+          for variable in ("direction", "pitch_target", "start_angle*", "completed*", "crossing_position*",
+                           "threading")]
 RECORD += [f"{lathe.CONTROLLER}.{variable}" for variable in (
     "z_face", "z_start", "z_end", "pass_kind", "cut_depth", "start_angle", "start_number", "lead", "starts")]
 

@@ -36,11 +36,13 @@ def workshop(draw: Draw) -> Workshop:
     """A thread of 10 to 40 turns on the shipped lathe with other gains, encoder, speed and probed flank."""
     lead = float(draw.choice([1.0, 1.5, 2.0])) * 1e-3
     speed, length = float(draw.uniform(300.0, 650.0)), float(draw.uniform(20e-3, 40e-3))
+    lines = int(draw.choice(COUNTS))
     given: Parameters = {
         "controller.lead": lead, "nominal_pitch.pitch_target": lead, "actual_pitch.pitch_target": lead,
         "controller.commanded_speed": f"{speed}rpm", "controller.z_end": -length,
-        "z_drive.position_gain": float(draw.uniform(35.0, 80.0)), "spindle.initial_angle": float(draw.uniform(0.0, 6.28)),
-        "spindle.encoder_lines": (lines := int(draw.choice(COUNTS))), "controller.counts_per_turn": 4.0 * lines,
+        "z_drive.position_gain": float(draw.uniform(35.0, 80.0)),
+        "spindle.initial_angle": float(draw.uniform(0.0, 6.28)),
+        "spindle.encoder_lines": lines, "controller.counts_per_turn": 4.0 * lines,
         "cutting.probed_flank": str(draw.choice(["middle", "negative_z", "positive_z"])),
     }
     return Workshop(lead, speed, length, given)
@@ -54,7 +56,8 @@ def between(draw: Draw, least: float, most: float) -> float:
 def spindle_dip(draw: Draw, shop: Workshop) -> Parameters:
     """The weaker the speed loop, the deeper the dip at the entry."""
     return {"spindle.speed_gain": between(draw, 0.3, 1.2), "spindle.integral_gain": between(draw, 0.2, 1.0),
-            "spindle.initial_speed": f"{shop.speed_rpm}rpm", "controller.x_thread": float(draw.uniform(9.45e-3, 9.7e-3))}
+            "spindle.initial_speed": f"{shop.speed_rpm}rpm",
+            "controller.x_thread": float(draw.uniform(9.45e-3, 9.7e-3))}
 
 
 def belt_ripple(draw: Draw, shop: Workshop) -> Parameters:
@@ -106,7 +109,8 @@ def loose_nut(draw: Draw, shop: Workshop) -> Parameters:
 def thin_section(draw: Draw, shop: Workshop) -> Parameters:
     """Anywhere in the thread, more or less yielding."""
     return {"cutting.thin_position": -float(draw.uniform(0.3, 0.8)) * shop.length,
-            "cutting.thin_length": float(draw.uniform(3e-3, 10e-3)), "cutting.thin_stiffness": between(draw, 0.3e6, 3e6),
+            "cutting.thin_length": float(draw.uniform(3e-3, 10e-3)),
+            "cutting.thin_stiffness": between(draw, 0.3e6, 3e6),
             "cutting.probed_flank": str(draw.choice(["negative_z", "positive_z"]))}
 
 

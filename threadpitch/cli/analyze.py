@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -14,9 +15,11 @@ from threadpitch.cli import log_options
 from threadpitch.cli.judging import Judged, find, findings_document, show_findings
 from threadpitch.cli.options import AsJson, StartAngles, number, radians
 from threadpitch.cli.printing import counting, fail, print_json, printing
+from threadpitch.judgement import ControlTrace, JudgementError
 from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch_table, pitch_tables, stream_pitches
 from threadpitch.tables import analysis_document, show_groups
-from threadpitch.trace import ColumnChoice, Signals
+from threadpitch.trace import ColumnChoice, Signals, read_groups
+from threadpitch.trace.text_rows import STANDARD_INPUT
 
 CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 
@@ -65,11 +68,17 @@ def analyze(
         metavar="PERCENT", parser=number, help="Share of the pitch-diameter tolerance that they may take.")] = 25.0,
     engagement: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Length over which they add up.", show_default="longest normal one")] = None,
+    following_error: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="Column of the following error, command less position, in the position's unit: for "
+                               "where in the control, with --measured.")] = None,
+    expected_lag: Annotated[float | None, typer.Option(
+        metavar="MS", parser=number, help="(1 - feedforward)/Kv + Td of the feed drive, which the lag that is found in "
+                                          "the log is compared with.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
     asked = Judged(measured, target, uncertainty, screw_lead if ball_screw is None else ball_screw, thread, limit,
-                   engagement)
+                   engagement, expected_lag)
     choice = ColumnChoice(angle, position, angle_unit, position_unit, group, time, counts_per_turn)
     signals = Signals(angle_wrap, position_wrap, None if screw_lead is None else 1e-3 * screw_lead, gear_ratio,
                       position_counts_per_turn, latency, None if outlier is None else 1e-3 * outlier)
@@ -85,10 +94,26 @@ def analyze(
     else:
         with counting("reading") as told:
             groups = stream_pitches(log, choice, starts, signals, interval=interval, told=told)
-    found = find(groups, asked)
+    found = find(groups, asked, lambda: _recording(log, choice, signals, following_error))
     with printing():
         if as_json:
             print_json(analysis_document(groups) | findings_document(found))
         else:
             show_groups(Console(), groups)
             show_findings(Console(), found)
+
+
+def _recording(log: Path, choice: ColumnChoice, signals: Signals, following_error: str | None) -> ControlTrace:
+    """The last group of the log once more, whole, with its following error where a column is named.
+
+    Raises:
+        JudgementError: the log can be read only once.
+        TraceError: the column is not there.
+    """
+    if str(log) == STANDARD_INPUT:
+        raise JudgementError("a log on standard input can be read only once; give a file")
+    trace = read_groups(log, choice, signals)[-1]
+    if following_error is None:
+        return ControlTrace(trace)
+    beside = read_groups(log, replace(choice, position=following_error), signals)[-1]
+    return ControlTrace(trace, following_error=beside.position)

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from rich.console import Console
 from rich.text import Text
 
 from threadpitch.cli.printing import fail
-from threadpitch.judgement import Evidence, MeasuredThread, Verdict, judge, verdict_document
+from threadpitch.judgement import (
+    ControlParts,
+    ControlTrace,
+    Evidence,
+    ExpectedLag,
+    JudgementError,
+    MeasuredThread,
+    Verdict,
+    control_document,
+    control_parts,
+    judge,
+    verdict_document,
+)
 from threadpitch.judgement.measured_file import read_measured
 from threadpitch.pitch import GroupPitch, StreamedPitch
 from threadpitch.tables import printable
@@ -30,6 +44,7 @@ class Judged:
     thread: str | None = None
     limit_percent: float = 25.0
     engagement_mm: float | None = None
+    expected_lag_ms: float | None = None
 
 
 @dataclass(frozen=True)
@@ -39,9 +54,15 @@ class Findings:
     group: str
     verdict: Verdict | None
     tolerances: tuple[tuple[str, PitchConformity], ...]  # (of what, how it keeps to its tolerance)
+    control: ControlParts | None = None  # where in the control, where the log tells it
+    why_not: str = ""
 
 
-def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged) -> Findings:
+# The last group of the log as a recording, for where in the control its fluctuation comes from
+Recording: TypeAlias = Callable[[], ControlTrace]
+
+
+def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged, recording: Recording) -> Findings:
     """Judge the last group of the log: the pass that leaves the groove.
 
     Raises:
@@ -53,14 +74,18 @@ def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged) -> Finding
     thread = None if asked.thread is None else parse_thread(asked.thread)
     measured = [] if asked.measured is None else read_measured(asked.measured)
     verdict = _verdict(group, measured, thread, asked) if measured else None
-    return Findings(group.label, verdict, tuple(_tolerances(group, measured, thread, asked)) if thread else ())
+    tolerances = tuple(_tolerances(group, measured, thread, asked)) if thread else ()
+    if verdict is None:
+        return Findings(group.label, None, tolerances)
+    return Findings(group.label, verdict, tolerances, *_where_in_the_control(verdict, group, thread, asked, recording))
 
 
 def findings_document(found: Findings) -> dict[str, object]:
     """As JSON, lengths in um; what was not asked for is left out."""
     document: dict[str, object] = {}
     if found.verdict is not None:
-        document["verdict"] = {"group": found.group, **verdict_document(found.verdict)}
+        control = {"why_not": found.why_not} if found.control is None else control_document(found.control)
+        document["verdict"] = {"group": found.group, **verdict_document(found.verdict), "control": control}
     if found.tolerances:
         document["tolerance"] = [{"of": name, **_conformity_document(one)} for name, one in found.tolerances]
     return document
@@ -72,22 +97,48 @@ def show_findings(console: Console, found: Findings) -> None:
         console.print(Text(f"Verdict on the measured pitches, against group {printable(found.group)}", style="bold"))
         for line in _verdict_lines(found.verdict):
             console.print(Text(printable(line)), soft_wrap=False)
+        for line in _control_lines(found):
+            console.print(Text(printable(line)))
     for name, one in found.tolerances:
         console.print(Text(f"Tolerance, {printable(name)}", style="bold"))
         for line in _conformity_lines(one):
             console.print(Text(line))
 
 
+def _target(thread: Thread | None, asked: Judged) -> float:
+    if asked.target_mm is not None:
+        return to_si(asked.target_mm, "mm")
+    if thread is None:
+        fail("the target of the pitch is not known; give --target in mm, or --thread like M20x1.5-6g")
+    return thread.lead
+
+
 def _verdict(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], thread: Thread | None,
              asked: Judged) -> Verdict:
-    if asked.target_mm is not None:
-        target = to_si(asked.target_mm, "mm")
-    elif thread is not None:
-        target = thread.lead
-    else:
-        fail("the target of the pitch is not known; give --target in mm, or --thread like M20x1.5-6g")
-    return judge(group.table, measured, target=target, uncertainty=_si(asked.uncertainty_um, "um"),
+    return judge(group.table, measured, target=_target(thread, asked), uncertainty=_si(asked.uncertainty_um, "um"),
                  screw_lead=_si(asked.screw_lead_mm, "mm"))
+
+
+def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, thread: Thread | None, asked: Judged,
+                          recording: Recording) -> tuple[ControlParts | None, str]:
+    """(parts of the nominal pitches, "") over the turns that were measured, or (None, why not)."""
+    lag = asked.expected_lag_ms
+    if lag is not None and not 0.0 < lag < math.inf:
+        fail(f"expected lag {lag:g} ms is not positive; give (1 - feedforward)/Kv + Td, like 20")
+    first = 1.0 if math.isnan(verdict.evidence.span[0]) else verdict.evidence.span[0]
+    try:
+        return control_parts(recording(), _target(thread, asked), start_angle=float(group.table.start_angles[0]),
+                             expected=None if lag is None else ExpectedLag(1e3 / lag), first_turn=int(first)), ""
+    except JudgementError as error:
+        return None, str(error)
+
+
+def _control_lines(found: Findings) -> list[str]:
+    if found.control is None:
+        return [f"Where in the control is not told: {found.why_not}"]
+    worst = from_si(float(np.abs(found.control.deviation).max()), "um")
+    return [f"Where in the control: the nominal pitches deviate by up to {worst:.3g} um, of it",
+            *(f"  - {line}" for line in found.control.sentences())]
 
 
 def _tolerances(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], thread: Thread,

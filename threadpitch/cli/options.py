@@ -21,6 +21,7 @@ SEVERAL = {
     "--replace": r"[^-=][^=]*=.*",
     "--record": _RECORDED,
     "--record-on": _RECORDED,
+    "--measure": r"[^-=][^=]*=.*",
     "--isolate": r"[^-/\\.][^/\\.]*",
     "--platform": r"(linux|win|darwin)(64|-arm64)|(x86_64|aarch64)-[a-z]+",
 }
@@ -74,6 +75,11 @@ Starts = Annotated[int, typer.Option(
 Waiting = Annotated[str, typer.Option(
     "--wait", metavar="once|every-block", help="What a chain of threading blocks waits for: the first block for its "
                                                "start angle, or every block for its own (special grooves).")]
+Measure = Annotated[list[str] | None, typer.Option(
+    "--measure", metavar="NAME=VALUE ...",
+    help="Measure the thread that was cut, with errors of its own, into measured.csv, and judge that: "
+         "uncertainty=1um of one pitch, every=1 (so many-th turn), points=4 around it, "
+         "flanks=both|negative_z|positive_z|middle, seed=0.")]
 Flavor = Annotated[str | None, typer.Option(
     metavar="native|python", help="Kind of FMUs that are built: native code, or Python by PythonFMU.",
     show_default="native where a C compiler is found")]

@@ -4,50 +4,75 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import typer
 from rich.console import Console
+from rich.text import Text
 
 from threadpitch import cosim, lathe
 from threadpitch.cli.printing import BAD_INPUT, complain, fail, print_json, printing
+from threadpitch.diagnosis import Diagnosis, diagnose, diagnosis_document, diagnosis_lines
+from threadpitch.judgement import JudgementError
+from threadpitch.measuring import MeasuringPlan
 from threadpitch.run_folder import run_document, save_run
 from threadpitch.tables import show_pass
 
 DEFAULT_OUTPUT = "threadpitch-run"
 
-def finish(simulation: lathe.Simulation, output: Path, as_json: bool) -> None:
+
+
+@dataclass(frozen=True, eq=False)
+class Done:
+    """A simulation that came to its end: what it found, and its files."""
+
+    simulation: lathe.Simulation
+    found: Diagnosis | None
+    files: list[Path]
+
+
+def finish(simulation: lathe.Simulation, output: Path, plan: MeasuringPlan | None, as_json: bool) -> None:
     """Save a simulation that came to its end, and print what it found."""
-    saved = save(simulation, output)
+    done = save(simulation, output, plan)
     with printing():
         if as_json:
-            print_json(run_document(simulation))
+            print_json(run_document(simulation, done.found))
         else:
-            _show(simulation, saved)
+            _show(done)
     _warn(simulation)
 
 
-def save(simulation: lathe.Simulation, output: Path) -> list[Path]:
-    """The files of a simulation, which has cut a turn at least."""
+def save(simulation: lathe.Simulation, output: Path, plan: MeasuringPlan | None) -> Done:
+    """The files of a simulation, which has cut a turn at least, with the verdict on its thread."""
     if simulation.calculators and not simulation.passes:
         fail(simulation.why_no_turn())
-    return save_run(simulation, output)
+    found = None
+    try:
+        found = diagnose(simulation, plan)
+    except JudgementError as error:
+        complain(f"no verdict: {error}")
+    except lathe.LatheError:
+        save_run(simulation, output)  # what was computed is not lost for a thread that cannot be measured
+        raise
+    return Done(simulation, found, save_run(simulation, output, found))
 
 
-def finish_program(done: Sequence[tuple[lathe.Simulation, list[Path]]], as_json: bool) -> None:
+def finish_program(done: Sequence[Done], as_json: bool) -> None:
     """Print what the operations of a program found; their files are saved."""
     with printing():
         if as_json:
-            print_json(_program_document([simulation for simulation, _ in done]))
+            print_json(_program_document(done))
         else:
-            for simulation, saved in done:
-                _show(simulation, saved)
-    for simulation, _ in done:
-        _warn(simulation)
+            for one in done:
+                _show(one)
+    for one in done:
+        _warn(one.simulation)
 
 
-def _program_document(simulations: Sequence[lathe.Simulation]) -> dict[str, object]:
-    """As of one run: the passes of all operations, and the sums of their steps and times."""
+def _program_document(done: Sequence[Done]) -> dict[str, object]:
+    """As of one run: the passes of all operations, their verdicts, and the sums of their steps and times."""
+    simulations = [one.simulation for one in done]
     documents = [run_document(simulation) for simulation in simulations]
     passes = [one for document in documents for one in document["passes"]]  # type: ignore[attr-defined] # a list
     return {
@@ -57,6 +82,7 @@ def _program_document(simulations: Sequence[lathe.Simulation]) -> dict[str, obje
         "wall_s": sum(simulation.wall_time for simulation in simulations),
         "flavor": simulations[0].flavor,
         "operations": len(simulations),
+        "verdicts": [None if one.found is None else diagnosis_document(one.found) for one in done],
     }
 
 
@@ -66,13 +92,18 @@ def _warn(simulation: lathe.Simulation) -> None:
         complain(f"warning: {warning}")
 
 
-def _show(simulation: lathe.Simulation, saved: Sequence[Path]) -> None:
-    console = Console()
+def _show(done: Done) -> None:
+    console, simulation, saved = Console(), done.simulation, done.files
     for one in simulation.passes:
         show_pass(console, one)
         console.print()
     if not simulation.calculators:
         console.print(simulation.why_no_turn())
+    if done.found is not None:
+        heading, *lines = diagnosis_lines(done.found)
+        console.print(Text(heading, style="bold"))
+        for line in (*lines, ""):
+            console.print(Text(line))
     result = simulation.result
     elsewhere = "" if result.path is None else f", results in {result.path}"
     print(f"{simulation.steps} steps, {simulation.simulated:g} s simulated in {simulation.wall_time:.2f} s with "

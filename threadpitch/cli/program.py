@@ -7,17 +7,18 @@ from pathlib import Path
 from typing import TypeAlias
 
 from threadpitch import cycles, lathe
-from threadpitch.cli.outcome import save
+from threadpitch.cli.outcome import Done, save
 from threadpitch.cli.printing import remark
 from threadpitch.cosim.values import Given
+from threadpitch.measuring import MeasuringPlan
 from threadpitch.program_parameters import operations
 
 # (folder, component.variable -> value of the program's words, stop time in s that is enough) -> what it leaves
 Simulate: TypeAlias = Callable[[Path, Mapping[str, Given], float], lathe.Simulation]
 
 
-def run_program(program: Path, setup: cycles.Setup, output: Path,
-                simulate: Simulate) -> list[tuple[lathe.Simulation, list[Path]]]:
+def run_program(program: Path, setup: cycles.Setup, simulate: Simulate, *, output: Path,
+                plan: MeasuringPlan | None) -> list[Done]:
     """Cut the operations of a program one after the other; several go into folders of their own in ``output``.
 
     Passes have the numbers of the program.
@@ -35,5 +36,5 @@ def run_program(program: Path, setup: cycles.Setup, output: Path,
         folder = output if len(steps) == 1 else output / f"operation-{number}"
         simulation = simulate(folder, step.parameters, step.stop_time).numbered(
             [one.number for one in step.passes], final)
-        done.append((simulation, save(simulation, folder)))
+        done.append(save(simulation, folder, plan))
     return done

@@ -27,4 +27,4 @@ def resume(
     flavor = str(cosim.read_checkpoint(checkpoint).metadata["about"].get("flavor", "native"))
     with keeping(output, flavor), progress("simulating") as told:
         simulation = lathe.resume(checkpoint, stop_time=stop_time, progress=told)
-    finish(simulation, output, as_json)
+    finish(simulation, output, None, as_json)

@@ -14,6 +14,7 @@ from threadpitch.cli.options import (
     Assignments,
     Dialect,
     Flavor,
+    Measure,
     ParameterFiles,
     Replacements,
     StartAngles,
@@ -28,6 +29,7 @@ from threadpitch.cli.printing import fail, printing, progress
 from threadpitch.cli.program import run_program
 from threadpitch.cosim.values import Given
 from threadpitch.faults import fault_names, read_fault
+from threadpitch.measuring import read_plan
 from threadpitch.parameters import read_assignments, read_parameters
 from threadpitch.replacement import read_replacements
 from threadpitch.run_folder import check_folder
@@ -48,6 +50,7 @@ def run(
     fault: Annotated[str | None, typer.Option(
         metavar="NAME", help=f"A fault of the library on a lathe without others: {', '.join(fault_names())}. A "
                              "program, files and --set win over it.")] = None,
+    measure: Measure = None,
     start_angle: StartAngles = None,
     stop_time: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="Stop time in s.", show_default="of the system")] = None,
@@ -75,9 +78,10 @@ def run(
                                  "all.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate a lathe that cuts a thread, and print the movement per revolution."""
+    """Simulate a lathe that cuts a thread, print the movement per revolution and where its fluctuation comes from."""
     check_folder(output)
     chosen = None if fault is None else read_fault(fault)
+    plan = None if measure is None else read_plan(measure)
     values: dict[str, Given] = {}
     for file in parameters or []:
         values |= read_parameters(file)
@@ -100,9 +104,9 @@ def run(
         if chosen is not None and not as_json:
             with printing():
                 print(f"Fault {chosen.name} ({chosen.cause}): {chosen.description}\nSignature: {chosen.signature}\n")
-        finish(simulation, output, as_json)
+        finish(simulation, output, plan, as_json)
         return
     if results is not None or checkpoint is not None:
         fail("--results and --checkpoint hold one simulation; a program is several: leave them out")
     setup = cycles.Setup(dialect=cycles.dialect_named(dialect), starts=starts, indexing=indexing(wait))
-    finish_program(run_program(program, setup, output, simulated), as_json)
+    finish_program(run_program(program, setup, simulated, output=output, plan=plan), as_json)

@@ -43,6 +43,10 @@ class Pair:
     offset: float  # turn of the nominal table less that of the measured one
     nominal_uncertainty: FloatArray  # (turns,) m, of each nominal pitch, where its crossings are uncertain; else 0
 
+    def part(self, number: int, count: int) -> NDArray[np.bool_]:
+        """(turns,) which of them are in the ``number``-th, from 0, of ``count`` equal stretches."""
+        return np.asarray(np.arange(self.turns.size) * count // self.turns.size == number)
+
     def only(self, kept: NDArray[np.bool_]) -> Pair:
         """Some of the turns."""
         return Pair(self.turns[kept], self.nominal[kept], self.measured[kept], self.uncertainty[kept], self.offset,

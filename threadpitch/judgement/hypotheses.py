@@ -6,7 +6,7 @@
     both        P_measured - P_ref = g (P_nominal - P_ref) + shapes + noise
 
 What the detectors saw the feed do, the tool did: g is 1, but for what moves between detector and tool
-(``GAIN_RANGE``). Costs are minus twice the logarithm of the likelihood plus the prices of ``pursuit``. Where the
+(``GAIN_RANGE``); how far it is from 1 has its price. Costs are minus twice the logarithm of the likelihood plus the prices of ``pursuit``. Where the
 nominal pitches jitter, they are taken as they are, with the jitter as additional noise, or smoothed, whichever
 explains more.
 """
@@ -26,9 +26,10 @@ from threadpitch.trace import FloatArray
 
 CONTROL, MECHANICAL, BOTH, NONE, UNDETERMINED = "control", "mechanical", "both", "none", "undetermined"
 GAIN_RANGE = (0.95, 1.05)  # of the movement that a drive's table makes per movement that its detector sees
+GAIN_SPREAD = 0.015  # standard deviation of g about 1: resonance and yielding between detector and tool
 CONTROL_PRICE = 3.0
 MARGIN = 4.0  # by which a cause must win: a likelihood ratio of e^2, on top of the prices
-NOISE_MARGIN = 2.0  # by which noise alone must win
+NOISE_MARGIN = 1.0  # by which noise alone must win
 VISIBLE = 9.0  # sum of the squares of the nominal fluctuation over the uncertainty: less cannot be seen in the thread
 MOVED = 4.0  # the same, where the nominal pitches surely are a movement
 HARDLY = 1.0  # the same: the feed moves less than can be measured
@@ -99,8 +100,8 @@ def hypotheses(data: Fluctuations, nominal: Nominal, candidates: Dictionary, sha
 def decide(costs: dict[str, float]) -> str:
     """The cause that costs least, where no other does nearly as well; the simpler of two that do.
 
-    Noise alone needs a small margin only: every cause has paid its price already. Where "both" wins over a single cause by less
-    than ``MARGIN``, the other cause is too small to be sure of, and the single one is named.
+    Noise alone needs a small margin only: every cause has paid its price already. Where "both" wins over a single
+    cause by less than ``MARGIN``, the other cause is too small to be sure of, and the single one is named.
     """
     best = min(costs, key=lambda cause: costs[cause])
     if best == NONE:
@@ -114,17 +115,17 @@ def decide(costs: dict[str, float]) -> str:
 
 def _sights(data: Fluctuations, nominal: Nominal, candidates: Dictionary, measured: Explanation) -> list[Seen]:
     """The nominal fluctuation as it is; where it jitters, also what its shapes, and those of the thread, make of it."""
-    found = [Seen(data.nominal, np.full_like(data.nominal, jitter), jitter)
+    found = [Seen(data.nominal, np.maximum(jitter, data.doubt**2), jitter)
              for jitter in sorted({nominal.least_jitter, nominal.jitter})]
-    if math.sqrt(nominal.jitter) <= WORTH_SMOOTHING * float(np.median(data.uncertainty)):
+    rough = max(nominal.jitter, float(np.mean(data.doubt**2)))
+    if math.sqrt(rough) <= WORTH_SMOOTHING * float(np.median(data.uncertainty)):
         return found
     offers = [nominal.shapes, tuple(dict.fromkeys(nominal.shapes + measured.shapes))] if nominal.moves else []
     if not nominal.moves and _told(data.nominal, nominal.jitter, data, measured.basis):
         offers = [measured.shapes]
     for shapes in offers:
         basis = span(shapes, candidates)
-        found.append(Seen(basis @ (basis.T @ data.nominal), nominal.jitter * np.sum(basis**2, axis=1),
-                          nominal.jitter))
+        found.append(Seen(basis @ (basis.T @ data.nominal), rough * np.sum(basis**2, axis=1), nominal.jitter))
     return found
 
 
@@ -147,7 +148,7 @@ def hidden(data: Fluctuations, nominal: Nominal, mechanical: Hypothesis) -> bool
 def _with_control(cause: str, data: Fluctuations, seen: Seen, candidates: Dictionary,
                   mechanical: Explanation) -> Hypothesis:
     """The nominal fluctuation is taken off with the gain within its range that leaves least."""
-    scale = np.sqrt(data.uncertainty**2 + np.maximum(seen.variance, data.doubt**2))
+    scale = np.sqrt(data.uncertainty**2 + seen.variance)
     nominal, measured = seen.nominal / scale, data.measured / scale
     added = float(2.0 * np.sum(np.log(scale / data.uncertainty)))
     gain, basis = 1.0, np.zeros((nominal.size, 0))
@@ -161,7 +162,8 @@ def _with_control(cause: str, data: Fluctuations, seen: Seen, candidates: Dictio
             shapes = min(explain(rest, candidates, variance), pruned(rest, same, candidates, variance),
                          key=lambda one: one.cost)
         basis = shapes.basis
-    return Hypothesis(cause, gain, seen.nominal, scale, seen.jitter, shapes, shapes.cost + added + CONTROL_PRICE)
+    price = CONTROL_PRICE + ((gain - 1.0) / GAIN_SPREAD) ** 2
+    return Hypothesis(cause, gain, seen.nominal, scale, seen.jitter, shapes, shapes.cost + added + price)
 
 
 def energy(data: Fluctuations, nominal: Nominal, candidates: Dictionary) -> float:
@@ -172,8 +174,9 @@ def energy(data: Fluctuations, nominal: Nominal, candidates: Dictionary) -> floa
 
 
 def _gain(nominal: FloatArray, measured: FloatArray, basis: FloatArray) -> float:
+    """g that minimises |measured - g nominal|^2 beside the basis, plus ((g - 1) / GAIN_SPREAD)^2."""
     free = nominal - basis @ (basis.T @ nominal)
-    square = float(free @ free)
+    square, known = float(free @ free), GAIN_SPREAD**-2
     if not square > 0.0 or not math.isfinite(square):
         return 1.0
-    return float(np.clip(float(free @ measured) / square, *GAIN_RANGE))
+    return float(np.clip((float(free @ measured) + known) / (square + known), *GAIN_RANGE))

@@ -56,8 +56,10 @@ class _Step:
 
 
 def sure_event(turns: int, margin: float) -> float:
-    """t + 1.64 with t^2 - ln t^2 = PRICE + 2 ln(turns) + margin: a single turn that is off by this many standard
-    uncertainties is not taken for noise in 95 of 100 threads."""
+    """t + 1.64 with t^2 - ln t^2 = PRICE + 2 ln(turns) + margin.
+
+    A single turn that is off by this many standard uncertainties is not taken for noise in 95 of 100 threads.
+    """
     price = PRICE + 2.0 * math.log(turns) + margin
     square = price
     for _ in range(_ROUNDS):

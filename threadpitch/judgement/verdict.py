@@ -60,6 +60,7 @@ class Evidence:
     rest: tuple[Part, ...]  # what the control does not explain
     irregular: float  # root mean square of the rest beside its parts, where it exceeds the uncertainty; 0 = noise
     within_turn: float | None  # m, largest error within the turn that repeats; None = not observable
+    span: tuple[float, float] = (math.nan, math.nan)  # first and last turn that both tables have, as the nominal one
     movement: float = 0.0  # m, root mean square of what the control surely moves the feed by; 0 = it only jitters
     detectable: float = math.nan  # m: a single turn off by less than this may be taken for noise
     costs: dict[str, float] = field(default_factory=dict)  # minus twice the logarithm of each cause's likelihood
@@ -92,6 +93,8 @@ def verdict_document(verdict: Verdict) -> dict[str, object]:
         "notes": list(verdict.notes),
         "evidence": {
             "turns": found.turns,
+            "first_turn": None if math.isnan(found.span[0]) else found.span[0],
+            "last_turn": None if math.isnan(found.span[1]) else found.span[1],
             "offset_turns": found.offset,
             "fluctuation_um": _um(found.fluctuation),
             "largest_um": _um(found.largest),

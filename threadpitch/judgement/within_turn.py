@@ -16,7 +16,8 @@ from threadpitch.trace import TURN, FloatArray
 def within_turn(table: PitchTable, lead: float) -> FloatArray:
     """w (start_angles, crossings) m of a table with several start angles, positive in the direction of the cut."""
     moved = table.crossings - table.crossings[0]
-    sense = np.sign(np.nanmean(np.diff(table.crossings, axis=1))) if table.crossings.shape[1] > 1 else 1.0
+    steps = np.diff(table.crossings, axis=1)
+    sense = np.sign(np.nanmean(steps)) if np.isfinite(steps).any() else 1.0
     return np.asarray(sense * moved - lead * (table.start_angles - table.start_angles[0])[:, np.newaxis] / TURN)
 
 
