@@ -6,9 +6,9 @@
     both        P_measured - P_ref = g (P_nominal - P_ref) + shapes + noise
 
 What the detectors saw the feed do, the tool did: g is 1, but for what moves between detector and tool
-(``GAIN_RANGE``); how far it is from 1 has its price. Costs are minus twice the logarithm of the likelihood plus the prices of ``pursuit``. Where the
-nominal pitches jitter, they are taken as they are, with the jitter as additional noise, or smoothed, whichever
-explains more.
+(``GAIN_RANGE``); how far it is from 1 has its price. Costs are minus twice the logarithm of the likelihood plus the
+prices of ``pursuit``. Where the nominal pitches jitter, they are taken as they are, with the jitter as additional
+noise, or smoothed, whichever explains more.
 """
 
 from __future__ import annotations
