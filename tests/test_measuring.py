@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.test_faults import run
 from threadpitch import lathe
 from threadpitch.judgement import MeasuredThread
 from threadpitch.judgement.measured_file import read_measured
+from threadpitch.judgement.within_turn import measured_drunkenness
 from threadpitch.lathe import LatheError
 from threadpitch.measuring import MeasuringPlan, measure, read_plan, write_measured
 
@@ -76,6 +78,19 @@ def test_a_written_measurement_is_read_again(whole: lathe.Simulation, tmp_path: 
         assert one.pitch == pytest.approx(other.pitch, abs=1e-12)
         assert one.position == pytest.approx(other.position, abs=1e-9)
         assert one.uncertainty == pytest.approx(other.uncertainty)
+
+
+@pytest.mark.parametrize(("name", "points"), [("encoder_eccentricity", 8), ("none", 4)])
+def test_what_repeats_within_the_turn_is_measured_at_several_angles(name: str, points: int) -> None:
+    """w = F / 360 deg e Kv / sqrt(Kv^2 + omega^2), 5 % more by the velocity loop; over 8 angles all but its peaks."""
+    simulation = run(name)
+    plan = MeasuringPlan(0.2e-6, points=points, flanks="middle", seed=2)
+    found = measured_drunkenness(measure(simulation, plan), 1.5e-3)
+    assert found is not None
+    amplitude = 1.05 * 1.5e-3 * 0.3 / 360.0 * 50.0 / math.hypot(50.0, 500.0 / 60.0 * 2.0 * math.pi)
+    expected = 2.0 * amplitude if name == "encoder_eccentricity" else 0.0
+    assert found[0] == pytest.approx(expected, abs=0.08 * expected + 4.0 * found[1])
+    assert found[1] < 0.08e-6
 
 
 def test_words_make_a_plan() -> None:

@@ -218,6 +218,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
                       if component in plan.descriptions and name in plan.descriptions[component].variables]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
         chosen = _following(chosen, calculators, cutters) | chosen
+        chosen = _tapered(plan, chosen, cutters) | chosen
         watch = _watch(calculators, controllers, limits)
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
@@ -264,6 +265,22 @@ def _following(chosen: Mapping[str, Given], calculators: Sequence[str], cutters:
                  ("z_face", "face", cutters), ("starts", "starts", cutters))
     return {f"{name}.{variable}": chosen[f"{CONTROLLER}.{source}"] for source, variable, names in followers
             for name in names if f"{CONTROLLER}.{source}" in chosen}
+
+
+def _tapered(plan: cosim.Plan, chosen: Mapping[str, Given], cutters: Sequence[str]) -> dict[str, Given]:
+    """The workpiece of a tapered thread: r(z) = x_surface + slope (z - z_end), slope = taper / (z_start - z_end)."""
+    if f"{CONTROLLER}.taper" not in chosen:
+        return {}
+    names = ("taper", "z_start", "z_end", "z_face", "x_surface")
+    values = {name: plan.descriptions[CONTROLLER].variables[name].start or 0.0 for name in names}
+    settings = cosim.check(plan.system, plan.descriptions, chosen).settings
+    values |= {one.variable.name: float(one.value) for one in settings
+               if one.component == CONTROLLER and one.variable.name in values}
+    along = values["z_start"] - values["z_end"]
+    slope = values["taper"] / along if along else 0.0
+    return {f"{name}.{variable}": value for name in cutters for variable, value in (
+        ("taper", slope), ("surface_radius", values["x_surface"] + slope * (values["z_face"] - values["z_end"])))
+        if f"{name}.{variable}" not in chosen or f"{CONTROLLER}.x_surface" in chosen}
 
 
 def choose_flavor(flavor: str | None = None) -> str:

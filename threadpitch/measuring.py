@@ -141,7 +141,8 @@ def _probed(groove: _Groove, flank: str, point: float, how: tuple[MeasuringPlan,
     known = np.flatnonzero(metal[:-1] & metal[1:])[::plan.every]
     if known.size == 0:
         return None
-    return MeasuredThread(pitch[known], position=0.5 * (middle[known] + middle[known + 1]),
+    probed = middle + errors
+    return MeasuredThread(pitch[known], position=0.5 * (probed[known] + probed[known + 1]),
                           uncertainty=np.full(known.size, plan.uncertainty), start_angle=point, flank=flank)
 
 

@@ -188,9 +188,11 @@ def _evidence_lines(found: Evidence) -> list[str]:
         lines.append(f"Turns on the same side of the target: {100.0 * found.sign_agreement:.0f} %")
     lines.append(f"Share of the control: {100.0 * found.control_share:.0f} %, of the rest: "
                  f"{100.0 * found.rest_share:.0f} %")
-    error = "not observable from P(n)" if found.within_turn is None else \
-        f"{from_si(found.within_turn, 'um'):.3g} um (nominal)"
-    return [*lines, f"Error within the turn that repeats: {error}"]
+    told = [] if found.within_turn is None else [f"{from_si(found.within_turn, 'um'):.3g} um (nominal)"]
+    if found.measured_within_turn is not None:
+        size, uncertainty = (from_si(value, "um") for value in found.measured_within_turn)
+        told.append(f"{size:.3g} um (measured, +- {2.0 * uncertainty:.2g} um)")
+    return [*lines, f"Error within the turn that repeats: {', '.join(told) or 'not observable from P(n)'}"]
 
 
 def _conformity_lines(found: PitchConformity) -> list[str]:

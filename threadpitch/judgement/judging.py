@@ -21,7 +21,7 @@ from threadpitch.judgement.alignment import (
 from threadpitch.judgement.assessment import Assessment, assess, evidence, of_the_whole
 from threadpitch.judgement.hypotheses import BOTH, CONTROL, MECHANICAL, NONE, UNDETERMINED
 from threadpitch.judgement.verdict import JudgementError, Verdict
-from threadpitch.judgement.within_turn import drunkenness
+from threadpitch.judgement.within_turn import drunkenness, measured_drunkenness
 from threadpitch.judgement.wording import advice, sentence
 from threadpitch.pitch import PitchTable
 from threadpitch.trace import FloatArray
@@ -75,9 +75,10 @@ def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
     rows = _rows(nominal, measured)
     question = replace(question, parts=len(rows))
     verdicts = [_judge_row(row, question) for row in rows]
-    if isinstance(nominal, PitchTable):
-        error = drunkenness(nominal, target)
-        verdicts = [replace(one, evidence=replace(one.evidence, within_turn=error)) for one in verdicts]
+    seen = drunkenness(nominal, target) if isinstance(nominal, PitchTable) else None
+    shown = measured_drunkenness([row.measured for row in rows], target)
+    verdicts = [replace(one, evidence=replace(one.evidence, within_turn=seen, measured_within_turn=shown))
+                for one in verdicts]
     return verdicts[0] if len(verdicts) == 1 else together(verdicts)
 
 

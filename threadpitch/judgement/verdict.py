@@ -59,7 +59,8 @@ class Evidence:
     nominal_jitter: float  # m, standard deviation of nominal pitches that is not in the thread
     rest: tuple[Part, ...]  # what the control does not explain
     irregular: float  # root mean square of the rest beside its parts, where it exceeds the uncertainty; 0 = noise
-    within_turn: float | None  # m, largest error within the turn that repeats; None = not observable
+    within_turn: float | None  # m, largest error within the turn that repeats, nominal; None = not observable
+    measured_within_turn: tuple[float, float] | None = None  # m: the same of the thread, and its standard uncertainty
     span: tuple[float, float] = (math.nan, math.nan)  # first and last turn that both tables have, as the nominal one
     movement: float = 0.0  # m, root mean square of what the control surely moves the feed by; 0 = it only jitters
     detectable: float = math.nan  # m: a single turn off by less than this may be taken for noise
@@ -113,6 +114,7 @@ def verdict_document(verdict: Verdict) -> dict[str, object]:
             "movement_um": _um(found.movement),
             "detectable_um": _um(found.detectable),
             "within_turn_um": None if found.within_turn is None else _um(found.within_turn),
+            "measured_within_turn_um": _lengths(found.measured_within_turn),
             "costs": {cause: round(cost, 3) for cause, cost in found.costs.items()},
         },
         "rows": [verdict_document(row) for row in verdict.rows],
@@ -122,6 +124,10 @@ def verdict_document(verdict: Verdict) -> dict[str, object]:
 def _part(part: Part) -> dict[str, object]:
     return {"kind": part.kind, "size_um": _um(part.size), "first_turn": part.first_turn, "last_turn": part.last_turn,
             "period_turns": part.period, "decay_turns": part.decay}
+
+
+def _lengths(values: tuple[float, float] | None) -> list[float | None] | None:
+    return None if values is None else [_um(value) for value in values]
 
 
 def _pair(interval: tuple[float, float] | None) -> list[float] | None:

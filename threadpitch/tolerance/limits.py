@@ -181,8 +181,7 @@ def _basic_pitch_diameter(thread: Thread) -> float:
 
 
 def _limits(deviation: float, tolerances: tuple[float, float], diameters: tuple[float, float], sense: float) -> Limits:
-    """Of pitch and crest; from um to m. An external thread lies below its diameters (sense -1), an internal one above.
-    """
+    """Of pitch and crest, from um to m; an external thread (sense -1) lies below its diameters, others above."""
     width, crest_width = (to_si(value, "um") for value in tolerances)
     pitch_diameter, crest_diameter = diameters
     shift = sense * to_si(deviation, "um") + 0.0  # of position h 0, not -0
