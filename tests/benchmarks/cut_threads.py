@@ -112,7 +112,7 @@ def cut_thread(plan: Plan, seed: int, least: float = 5.0, most: float = 50.0) ->
     found = cut(plan, parameters, shop)
     if found is None:
         return None
-    sizes = _sizes(found, kind, shop.lead)
+    sizes = _sizes(found, _without_slips(plan, parameters, shop, found), kind, shop.lead)
     wanted = [sizes[name] for name in ("control", "mechanical") if kind in (name, "both")]
     severity = between(draw, least, most)
     uncertainty = min(min(wanted) / severity, COARSEST) if wanted else between(draw, FINEST, COARSEST)
@@ -126,12 +126,21 @@ def cut_thread(plan: Plan, seed: int, least: float = 5.0, most: float = 50.0) ->
     return CutThread(Thread(names, cause, machine, found.nominal, shown, uncertainty, severity), frozenset(besides))
 
 
-def _sizes(found: Cut, kind: str, lead: float) -> dict[str, float]:
+def _without_slips(plan: Plan, parameters: Parameters, shop: Workshop, found: Cut) -> Cut:
+    """The same machine without missed counts: these make the nominal pitches jump where no feed moves."""
+    if not parameters.get("spindle.missed_counts"):
+        return found
+    sound = cut(plan, parameters | {"spindle.missed_counts": 0}, shop)
+    return found if sound is None else sound
+
+
+def _sizes(found: Cut, sound: Cut, kind: str, lead: float) -> dict[str, float]:
     """Largest deviations, m: in the detectors' sight, and behind them.
 
     Where nothing is wrong the nominal pitches show the jitter of their counts, which is not in the thread.
     """
-    seen, unseen = found.nominal - lead, found.actual - found.nominal
+    count = min(found.actual.size, sound.nominal.size)
+    seen, unseen = sound.nominal - lead, found.actual[:count] - sound.nominal[:count]
     if kind == "none":
         seen, unseen = found.actual - lead, np.zeros(1)
     return {"control": float(np.abs(seen).max()), "mechanical": float(np.abs(unseen).max())}
