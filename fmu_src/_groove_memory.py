@@ -86,8 +86,9 @@ class GrooveMemory:
         """Which start is cut, and where: the helix through here met z_r at theta - 2 pi (z - z_r) / lead.
 
         z_r is where the first pass met the metal. The lead is that of the first pass once its feed was in step: where
-        a pass meets the metal its own feed may hardly have begun to move. Passes of one start begin whole turns apart, those of different
-        starts a share of a turn. Infeed along Z shifts where they meet z_r, another approach does so by whole turns.
+        a pass meets the metal its own feed may hardly have begun to move. Passes of one start begin whole turns apart,
+        those of different starts a share of a turn. Infeed along Z shifts where they meet z_r, another approach does
+        so by whole turns.
         """
         if not self.reference_known:
             self.reference_known = True
