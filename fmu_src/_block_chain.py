@@ -5,8 +5,10 @@ from math import floor, sqrt
 
 from threadpitch.fmu.variable import output, parameter, state
 
-from ._axis_motion import AxisMotion
+from ._axis_motion import AxisMotion, arrived
 from ._spindle_reading import PULSE_GENERATOR, SAME_INSTANT, TURN
+
+ALONG_Z = 1
 
 
 def end_lead(length: float, lead: float, lead_change: float) -> float:
@@ -38,7 +40,8 @@ class BlockChain(AxisMotion):
     way = sum over the blocks before + lead n + lead_change n^2 / 2        n: turns since the block's line began
     """
 
-    block: int = output("1", "Number of the threading block in the chain, from 1", start=1, min=1, max=8, discrete=True)
+    block: int = output("1", "Number of the threading block in the chain, from 1", start=1, min=1, max=32,
+                        discrete=True)
 
     lead: float = parameter("m", "Lead of the thread: movement per turn", start=0.0015, display="mm", min=1e-6, max=0.5)
     lead_change: float = parameter("m", "Change of the lead per turn (G34)", start=0.0, display="mm", min=-0.5, max=0.5)
@@ -47,6 +50,10 @@ class BlockChain(AxisMotion):
     z_face: float = parameter("m", "Z of the workpiece's face, where the metal begins", start=0.0, display="mm",
                               min=-100.0, max=100.0)
     x_clear: float = parameter("m", "X clear of the workpiece, radius", start=0.012, display="mm",
+                               min=-100.0, max=100.0)
+    infeed_axis: int = parameter("1", "Axis of infeed and retraction; z for threads across a face", start=0, choices={
+        "x": 0, "z": 1})
+    z_clear: float = parameter("m", "Z clear of the workpiece, where infeed_axis is z", start=0.006, display="mm",
                                min=-100.0, max=100.0)
     x_thread: float = parameter("m", "X of the last pass at z_end, radius", start=0.0097, display="mm",
                                 min=-100.0, max=100.0)
@@ -58,22 +65,22 @@ class BlockChain(AxisMotion):
                                       min=0.0, max=100.0)
     run_out_height: float = parameter("m", "Run-out out of the thread along the short axis (J)", start=0.0,
                                       display="mm", min=0.0, max=100.0)
-    further_blocks: int = parameter("1", "Threading blocks that follow the first in a chain", start=0, min=0, max=7)
-    further_z: list[float] = parameter("m", "Z of their ends", start=0.0, display="mm", min=-100.0, max=100.0, size=7)
+    further_blocks: int = parameter("1", "Threading blocks that follow the first in a chain", start=0, min=0, max=31)
+    further_z: list[float] = parameter("m", "Z of their ends", start=0.0, display="mm", min=-100.0, max=100.0, size=31)
     further_x: list[float] = parameter("m", "X of their ends at the last pass, radius", start=0.0, display="mm",
-                                       min=-100.0, max=100.0, size=7)
-    further_lead: list[float] = parameter("m", "Their leads", start=0.0, display="mm", min=0.0, max=0.5, size=7)
+                                       min=-100.0, max=100.0, size=31)
+    further_lead: list[float] = parameter("m", "Their leads", start=0.0, display="mm", min=0.0, max=0.5, size=31)
     further_lead_change: list[float] = parameter("m", "Their changes of lead per turn", start=0.0, display="mm",
-                                                 min=-0.5, max=0.5, size=7)
+                                                 min=-0.5, max=0.5, size=31)
     further_start_angle: list[float] = parameter("rad", "Their start positions from the one-turn pulse", start=0.0,
-                                                 display="deg", min=0.0, max=6.283185307179587, size=7)
+                                                 display="deg", min=0.0, max=6.283185307179587, size=31)
     start_each_block: bool = parameter("1", "Every block waits for its own start position, the index is reset once",
                                        start=False)
 
     chain_z: list[float] = state("m", "Z of the points of this pass: its start and the ends of its blocks",
-                                 display="mm", size=9, discrete=True)
-    chain_x: list[float] = state("m", "X of these points", display="mm", size=9, discrete=True)
-    chain_way: list[float] = state("m", "Way at these points", display="mm", size=9, discrete=True)
+                                 display="mm", size=33, discrete=True)
+    chain_x: list[float] = state("m", "X of these points", display="mm", size=33, discrete=True)
+    chain_way: list[float] = state("m", "Way at these points", display="mm", size=33, discrete=True)
     block_angle: float = state("rad", "Angle since the counter's reset at which the line of this block begins",
                                display="deg", discrete=True)
 
@@ -130,6 +137,41 @@ class BlockChain(AxisMotion):
         for k in range(self.further_blocks + 1):
             way = max(abs(self.chain_z[k + 1] - self.chain_z[k]), abs(self.chain_x[k + 1] - self.chain_x[k]))
             self.chain_way[k + 1] = self.chain_way[k] + way
+
+    def _approach_start(self) -> bool:
+        """Rapid traverse to the start of the pass, clear of the workpiece; True when there."""
+        x = self.x_clear
+        z = self.chain_z[0]
+        if self.infeed_axis == ALONG_Z:
+            x = self.chain_x[0]
+            z = self.z_clear
+        self._infeed(x)
+        self._traverse(z)
+        return arrived(self.z_command, z) and arrived(self.x_command, x)
+
+    def _feed_in(self) -> bool:
+        """The infeed axis to where the pass starts; True when there."""
+        if self.infeed_axis == ALONG_Z:
+            self._traverse(self.chain_z[0])
+            return arrived(self.z_command, self.chain_z[0])
+        self._infeed(self.chain_x[0])
+        return arrived(self.x_command, self.chain_x[0])
+
+    def _retract_clear(self) -> bool:
+        """The infeed axis clear of the workpiece; True when there."""
+        if self.infeed_axis == ALONG_Z:
+            self._traverse(self.z_clear)
+            return arrived(self.z_command, self.z_clear)
+        self._infeed(self.x_clear)
+        return arrived(self.x_command, self.x_clear)
+
+    def _return_to_start(self) -> bool:
+        """The other axis back to where the passes start; True when there."""
+        if self.infeed_axis == ALONG_Z:
+            self._infeed(self.x_thread + self.taper)
+            return arrived(self.x_command, self.x_thread + self.taper)
+        self._traverse(self.z_start)
+        return arrived(self.z_command, self.z_start)
 
     def _begin_chain(self, angle: float) -> None:
         """The line of the first block begins at this angle since the counter's reset."""

@@ -8,7 +8,19 @@ from threadpitch.fmu.variable import Experiment, Terminal, input_, output, param
 
 from ._axis_motion import EXPONENTIAL, arrived
 from ._spindle_reading import PULSE_GENERATOR, SAME_INSTANT, TURN
-from ._thread_passes import ThreadPasses
+from ._thread_readiness import (
+    ALARMED,
+    APPROACH,
+    DONE,
+    RETRACT,
+    RETURN,
+    STOPPING,
+    THREADING,
+    WAIT_INDEX,
+    WAIT_SPEED,
+    WAIT_START,
+    ThreadReadiness,
+)
 
 EXPERIMENT = Experiment(stop_time=4.0, step_size=1e-3)
 TERMINALS = (
@@ -27,37 +39,26 @@ ERRORS = {
     7: "the flank infeed or the run-out is longer than the thread: start farther away or shorten the run-out",
 }
 PERIODS_A_STEP = 64
-APPROACH = 0
-WAIT_SPEED = 1
-WAIT_INDEX = 2
-WAIT_START = 3
-THREADING = 4
-STOPPING = 5
-RETRACT = 6
-RETURN = 7
-DONE = 8
-ALARMED = 9
-FLUCTUATION = 1
-TOO_SLOW = 2
-TOO_FAST = 3
 
 
 @dataclass
-class ThreadingController(ThreadPasses):
+class ThreadingController(ThreadReadiness):
     """Threading cycles G32 to G76 from a designated spindle angle. SI units, x as radius.
 
     way = lead n + lead_change n^2 / 2,  n = (phi + omega command_age - phi_start) / 2 pi    phi: from the one-turn 1P
     depth n = max(dd sqrt(n), dd sqrt(n - 1) + dmin) up to k - d, then the finishing passes        (cycle multiple)
     z_start n = z_start + depth tan(a / 2) towards z_end,  x = x_thread + (k - depth) outwards + taper
 
-    Every pass: approach its start, wait for the spindle's speed, infeed, wait for the one-turn pulse (it resets the
-    counter once), compare the counter with the start position, open the gate: from there on the pulses are distributed
-    in the ratio lead / turn. Stop at the end of the last block, retract X, return Z; then the next pass or start.
+    Every pass: approach its start, infeed, wait for the spindle's speed and both axes in position, wait for the
+    one-turn pulse (it resets the counter once), compare the counter with the start position, open the gate: from there
+    on the pulses are distributed in the ratio lead / turn. Stop at the end of the last block, retract X, return Z; then
+    the next pass or start. Threads across a face are fed in and left along Z (infeed_axis).
 
     Start position: round(k N / starts) counts for start k = 0, 1, ..., displaced by start_angle. It is found by a
     crossing test; what the spindle has turned past it goes into the first command. Blocks of a chain go on without
     waiting; with start_each_block each holds the gate until the count meets its own start position modulo a turn.
-    The run-out leaves the thread over the last run_out_length while the long axis stays in step.
+    The run-out leaves the thread over the last run_out_length while the long axis stays in step; the short axis takes
+    its velocity at once, the lag of the drive rounds that corner.
 
     start_mode exponential filters the commanded movement by a first-order lag of start_time_constant whose lag of
     velocity * time constant stays; catch_up accelerates at acceleration_limit until the command is on the line again;
@@ -67,13 +68,15 @@ class ThreadingController(ThreadPasses):
     command_age is the sum Td of all ages between the spindle and the commanded feed (measuring, sampling, order of
     the co-simulation); with age_compensation the angle is extrapolated by it at the measured speed.
 
-    feed_hold stops the axes at once, but a thread only at the end of its last block. An alarm ends the threading: the
-    feed brakes, X retracts, and the machine stands.
+    surface_speed (G96) commands v / |x| in place of commanded_speed, in a taper as X moves. The spindle's angle counts
+    up in the direction in which it cuts, M3 or M4: turning the other way cuts the mirror image, a left-hand thread.
+
+    feed_hold stops the axes at once, but a thread only at the end of its last block. An alarm ends the threading, or
+    the wait for it: the feed brakes, X retracts, and the machine stands.
     """
 
     feed_hold: bool = input_("1", "Feed hold", start=False)
 
-    spindle_speed_command: float = output("rad/s", "Commanded spindle speed", display="rpm", discrete=True)
     threading: bool = output("1", "The feed is in step with the spindle", start=False)
     phase: int = output("1", "0 approach, 1 wait for speed, 2 wait for the one-turn pulse, 3 wait for the start "
                              "position, 4 threading, 5 stop, 6 retract, 7 return, 8 done, 9 stopped by an alarm",
@@ -83,21 +86,7 @@ class ThreadingController(ThreadPasses):
     z_pulses: float = output("1", "Distribution pulses ZP of the latest period", discrete=True)
     x_pulses: float = output("1", "Distribution pulses XP of the latest period", discrete=True)
     holding: bool = output("1", "Standing by feed hold", start=False)
-    alarm: int = output("1", "0 none, 1 the spindle's speed varies too much, 2 the spindle is too slow, 3 lead * speed "
-                             "is too fast for the axis", start=0, min=0, max=3, discrete=True)
 
-    commanded_speed: float = parameter("rad/s", "Spindle speed for threading (S)", start=52.35987755982989,
-                                       display="rpm", min=1e-3, max=5000.0)
-    speed_tolerance: float = parameter("1", "Largest deviation of a speed that counts as reached", start=0.02,
-                                       display="%", min=1e-6, max=1.0)
-    speed_settling: float = parameter("s", "Time for which the speed must have been reached", start=0.05,
-                                      display="ms", min=0.0)
-    fluctuation_limit: float = parameter("1", "Largest change of the speed during a pass (parameter 106); 0 = off",
-                                         start=0.0, display="%", min=0.0, max=1.0)
-    least_speed: float = parameter("rad/s", "Least spindle speed for threading; 0 = off", start=0.0, display="rpm",
-                                   min=0.0, max=5000.0)
-    feed_limit: float = parameter("m/s", "Largest lead * speed that the axis can do; 0 = off", start=0.0,
-                                  display="m/min", min=0.0, max=10.0)
     pulse_weight: float = parameter("m", "Movement per distribution pulse", start=1e-6, display="um", min=1e-12,
                                     max=1e-3)
     command_age: float = parameter("s", "Sum Td of all ages from the spindle to the commanded feed", start=0.0,
@@ -108,12 +97,10 @@ class ThreadingController(ThreadPasses):
 
     next_instant: float = state("1", "Number k of the next instant k * period, -1 before the first step", start=-1.0,
                                 discrete=True)
-    settled: float = state("s", "Time for which the speed has been reached", discrete=True)
     seen_index: int = state("1", "index_count when the wait for it began", start=0, min=0, max=2147483647,
                             discrete=True)
     start_position: float = state("rad", "Angle since the counter's reset at which the gate opens", display="deg",
                                   discrete=True)
-    speed_at_start: float = state("rad/s", "Spindle speed when the gate opened", display="rpm", discrete=True)
 
     def check(self) -> int:
         """0, or which parameters make no thread."""
@@ -124,7 +111,7 @@ class ThreadingController(ThreadPasses):
         self._initialize_reading()
         self._initialize_motion()
         self._initialize_passes()
-        self.spindle_speed_command = self.commanded_speed
+        self._initialize_readiness()
         self.threading = False
         self.phase = APPROACH
         self.gate = False
@@ -132,12 +119,9 @@ class ThreadingController(ThreadPasses):
         self.z_pulses = 0.0
         self.x_pulses = 0.0
         self.holding = False
-        self.alarm = 0
         self.next_instant = -1.0
-        self.settled = 0.0
         self.seen_index = self.index_count
         self.start_position = 0.0
-        self.speed_at_start = 0.0
 
     def step(self, time: float, step_size: float) -> int:
         """The control instants in (time, time + step_size], with the inputs on the line between the two."""
@@ -159,6 +143,7 @@ class ThreadingController(ThreadPasses):
         x = self.x_command
         self.coincidence = False
         self._measure_speed(angle)
+        self._command_speed(self._speed_radius(self.phase))
         if self.phase >= WAIT_START and self.detector == PULSE_GENERATOR:
             self._count(angle)
         self.holding = self.feed_hold and self.phase != THREADING and self.phase != STOPPING
@@ -190,8 +175,8 @@ class ThreadingController(ThreadPasses):
             self._wait_index(angle)
         if self.phase == WAIT_START and angle - self.zero_angle >= self.start_position:
             self._open_gate()
-        if self.phase >= WAIT_INDEX and self.phase <= THREADING:
-            self._watch_spindle()
+        if self.phase >= WAIT_SPEED and self.phase <= THREADING:
+            self._watch()
         if self.phase == THREADING:
             self._thread(angle - self.zero_angle)
         elif self.phase == STOPPING:
@@ -202,21 +187,20 @@ class ThreadingController(ThreadPasses):
             self._return()
 
     def _approach(self) -> None:
-        """Rapid traverse to the start of the pass at x_clear."""
-        self._infeed(self.x_clear)
-        self._traverse(self.chain_z[0])
-        if arrived(self.z_command, self.chain_z[0]) and arrived(self.x_command, self.x_clear):
+        """Rapid traverse to the start of the pass, clear of the workpiece."""
+        if self._approach_start():
             self.phase = WAIT_SPEED
+            self.waited = 0.0
 
     def _wait_speed(self) -> None:
-        """Infeed; the speed must have been reached for speed_settling, as it still is before later passes."""
-        self._infeed(self.chain_x[0])
-        if abs(self.spindle_speed - self.commanded_speed) <= self.speed_tolerance * self.commanded_speed:
-            self.settled = self.settled + self.period
-        else:
-            self.settled = 0.0
-        if self.settled >= self.speed_settling and arrived(self.x_command, self.chain_x[0]):
+        """Infeed; then both axes have to be in position, and the speed reached for speed_settling, as it still is
+        before later passes.
+        """
+        there = self._feed_in()
+        self._settle()
+        if there and self._at_speed() and self._axes_in_position():
             self.phase = WAIT_INDEX
+            self.waited = 0.0
             self.seen_index = self.index_count
 
     def _wait_index(self, angle: float) -> None:
@@ -241,20 +225,17 @@ class ThreadingController(ThreadPasses):
         self.speed_at_start = self.spindle_speed
         self._begin_pass(self.start_position)
 
-    def _watch_spindle(self) -> None:
-        """Alarms: the speed varies or falls too low while threading, or is too high for an axis before it."""
-        change = abs(self.spindle_speed - self.speed_at_start)
-        if self.phase == THREADING:
-            if self.fluctuation_limit > 0.0 and change > self.fluctuation_limit * self.speed_at_start:
-                self.alarm = FLUCTUATION
-            if self.spindle_speed < self.least_speed:
-                self.alarm = TOO_SLOW
-        elif self.feed_limit > 0.0 and self._largest_lead() / TURN * self.spindle_speed > self.feed_limit:
-            self.alarm = TOO_FAST
+    def _watch(self) -> None:
+        """An alarm ends the threading, or the wait for it."""
+        if self.phase < THREADING:
+            self._watch_waiting(self.phase)
+        if self.phase > WAIT_SPEED:
+            self._watch_spindle(self.phase)
         if self.alarm != 0:
+            began = self.phase == THREADING
             self._close_gate()
-        if self.alarm == TOO_FAST:
-            self.phase = RETRACT
+            if not began:
+                self.phase = RETRACT
 
     def _thread(self, angle: float) -> None:
         """The way that the spindle asks for, as start_mode reaches it, up to the end of the last block."""
@@ -327,17 +308,15 @@ class ThreadingController(ThreadPasses):
             self.phase = RETRACT
 
     def _retract(self) -> None:
-        """X out of the thread; after an alarm that is all."""
-        self._infeed(self.x_clear)
-        if arrived(self.x_command, self.x_clear):
+        """Out of the thread; after an alarm that is all."""
+        if self._retract_clear():
             self.phase = RETURN
             if self.alarm != 0:
                 self.phase = ALARMED
 
     def _return(self) -> None:
-        """Z back to z_start; the next pass, or done."""
-        self._traverse(self.z_start)
-        if arrived(self.z_command, self.z_start):
+        """Back to where the passes start; the next pass, or done."""
+        if self._return_to_start():
             self.phase = DONE
             if self._plan_next():
                 self.phase = APPROACH

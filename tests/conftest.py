@@ -7,12 +7,16 @@ import re
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import pytest
 
+from tests.browser import chromium
 from threadpitch import lathe
 from threadpitch.cli import invoke
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 # A shell starts background jobs with Ctrl-C ignored, and so would these tests and the processes that they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -64,6 +68,13 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def short_run(fmu_cache: None) -> lathe.Simulation:
     """The shipped lathe for 1.2 s: seven turns of the M20x1.5 thread from four start angles."""
     return lathe.simulate(stop_time=1.2)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """A Chromium without a window; tests that need it skip where there is none."""
+    with chromium() as opened:
+        yield opened
 
 
 def assert_one_line(text: str, message: str) -> None:

@@ -42,9 +42,10 @@ class Commands:
 
 
 def controller_of(**parameters: Any) -> ThreadingController:
-    """A controller whose start mode is as good as none, with array parameters filled up."""
-    made = ThreadingController(**{"acceleration_limit": 1e6, "speed_settling": 0.0, "detector": 0, **parameters})
-    for name, size in (("depth", 32), *((f"further_{one}", 7) for one in (
+    """A controller whose start mode is as good as none, at any speed, with array parameters filled up."""
+    made = ThreadingController(**{"acceleration_limit": 1e6, "speed_settling": 0.0, "speed_tolerance": 1.0,
+                                  "detector": 0, **parameters})
+    for name, size in (("depth", 32), *((f"further_{one}", 31) for one in (
             "z", "x", "lead", "lead_change", "start_angle"))):
         values = getattr(made, name)
         setattr(made, name, [*values, *[0.0] * (size - len(values))])
@@ -71,6 +72,7 @@ def commanded(controller: ThreadingController, *, rpm: float | None = None, peri
         controller.index_count = count // COUNTS
         controller.index_latch = float(count // COUNTS * COUNTS)
         assert controller.step(n * PERIOD, PERIOD) == 0
+        controller.z_position, controller.x_position = controller.z_command, controller.x_command
         rows.append((angle, *(float(getattr(controller, name)) for name in COLUMNS[1:])))
         if controller.phase in (DONE, ALARMED):
             break

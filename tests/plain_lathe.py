@@ -95,6 +95,7 @@ class Lathe:
         assert self.spindle.step(time, step_size) == 0
         self._connect_controller()
         assert self.controller.step(time, step_size) == 0
+        self.controller.x_position = self.controller.x_command  # an ideal X axis
         self.drive.position_command = self.controller.z_command
         assert self.drive.step(time, step_size) == 0
         for calculator in (self.nominal, self.actual):

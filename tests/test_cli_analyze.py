@@ -132,7 +132,7 @@ def test_a_start_just_before_the_log_is_extrapolated_and_marked(
     assert group["pitch_mm"][0] == pytest.approx([LEAD] * 3)
     lines = threadpitch("analyze", path, *COLUMNS, "--start-angle", 0, 90).out.splitlines()
     assert [line for line in lines if "1.5000*" in line] == [line for line in lines if "|         360 " in line]
-    assert lines[-2].startswith("* begins before the first sample")
+    assert any(line.startswith("* begins before the first sample") for line in lines)
 
 
 def test_tables_of_every_group(threadpitch: Command) -> None:

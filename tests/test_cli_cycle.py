@@ -94,7 +94,13 @@ def test_the_drawing_is_written_and_reproducible(suffix: str, threadpitch: Comma
     signature = {"svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}[suffix]
     assert first.read_bytes().startswith(signature)
     assert first.read_bytes() == second.read_bytes()
+    groove = threadpitch("cycle", "--program", PROGRAMS / "special_groove_g32.nc", "--wait", "every-block", "--plot",
+                         first)
+    assert groove.status == 0
+    assert first.read_bytes() != second.read_bytes()
     if suffix == "svg":
+        assert "<!-- Groove of pass 1, block by block -->" in first.read_text(encoding="utf-8")
+        first = second
         text = first.read_text(encoding="utf-8")
         assert "Infeed, pass by pass" in text or "<!-- Infeed, pass by pass -->" in text
 

@@ -59,11 +59,55 @@ def test_more_than_the_axis_does_is_warned_of(threadpitch: Command, workplace: P
     assert_one_line(done.err, r"warning: 1.5 mm a turn at 500 rpm is more than the Z axis does; turn at most 400 rpm")
 
 
+def test_an_alarm_is_told_beside_what_was_cut_and_in_the_document(threadpitch: Command, workplace: Path) -> None:
+    """The spindle gives way in the first cut: its turns are reported, and why there are no more."""
+    (workplace / "p.nc").write_text("G97 S600 M3\nG0 X26. Z5.\nG92 X18. Z-20. F1.5\nX18.\nM30\n", encoding="utf-8")
+    (workplace / "control.toml").write_text('"106" = 5\n"253" = 2\n', encoding="utf-8")
+    done = threadpitch("run", "--program", "p.nc", "--control", "control.toml", "--set", "spindle.torque_limit=9",
+                       "spindle.initial_speed=600rpm", "--json")
+    assert done.status == 0
+    document = json.loads(done.out)
+    assert len(document["passes"]) == 1
+    assert "parameter 106" in document["alarm"]
+    assert_one_line(done.err, r"warning: alarm 1 at [\d.]+ s: the spindle's speed varied")
+
+
+def test_why_no_turn_names_the_alarm(threadpitch: Command, workplace: Path) -> None:
+    done = threadpitch("run", "--set", "controller.commanded_speed=9000rpm", "controller.longest_wait=0.4",
+                       "--stop-time", "1", "--record", "spindle.speed")
+    assert (done.status, done.out) == (2, "")
+    assert_one_line(done.err, r"no threading until the stop at 1 s; alarm 4 at 0\.4\d* s: the spindle does not reach")
+
+
+def test_the_control_s_parameters_act_and_are_kept(threadpitch: Command, workplace: Path) -> None:
+    """G76 rewrites 057 to 060 and 019; IS-C makes P9200 0.92 mm; M4 makes the thread left-handed."""
+    (workplace / "p.nc").write_text("G97 S600 M4\nG0 X26. Z5.\nG76 P011055 Q1000 R0.05\nG76 X18.16 Z-3. P9200 Q8000 "
+                                    "F1.5\nM30\n", encoding="utf-8")
+    done = threadpitch("run", "--program", "p.nc", "--control", "control.toml", "--increments", "IS-C", "--json")
+    assert done.status == 0
+    kept = (workplace / "control.toml").read_text(encoding="utf-8")
+    assert '"058" = 55' in kept
+    assert '"059" = 100' in kept
+    document = json.loads(done.out)
+    assert [one["depth_mm"] for one in document["passes"]] == pytest.approx([0.8, 0.87, 0.92])
+    assert {one["hand"] for one in document["passes"]} == {"left"}
+    assert document["alarm"] is None
+
+
+def test_passes_that_the_stop_time_leaves_out_are_told(threadpitch: Command, workplace: Path) -> None:
+    (workplace / "two.nc").write_text(TWO_THREADS.split("X18.2")[0] + "M30\n", encoding="utf-8")
+    done = threadpitch("run", "--program", "two.nc", "--stop-time", "1.3", "--json")
+    assert done.status == 0
+    assert_one_line(done.err, r"warning: [12] of 3 passes were begun until the stop; choose a longer --stop-time")
+
+
 @pytest.mark.parametrize(("text", "options", "message"), [
     ("G0 X1 Z1\nM30\n", (), "the program cuts no thread"),
     ("G97 S600 M3\nG0 X24. Z5.\nG32 Z-6.\nM30\n", (), r"p\.nc: line 3, column \d+: alarm"),
     (TWO_THREADS, ("--results", "a.csv"), "leave them out"),
     (TWO_THREADS, ("--dialect", "fanuk"), "did you mean fanuc"),
+    (TWO_THREADS, ("--increments", "D"), "choose IS-B or IS-C"),
+    (TWO_THREADS, ("--control", "."), "no parameter file"),
     (TWO_THREADS, ("--wait", "never"), "choose once or every-block"),
 ])
 def test_bad_programs_are_one_line(

@@ -13,6 +13,7 @@ from threadpitch import lathe
 from threadpitch.cosim.values import Given
 from threadpitch.cycles import (
     DIALECTS,
+    ControlParameters,
     Indexing,
     Interpretation,
     Setup,
@@ -143,19 +144,75 @@ def test_another_place_or_speed_is_another_operation() -> None:
     assert [len(one.passes) for one in many] == [32, 8]
 
 
-def test_a_surface_speed_holds_at_the_x_of_the_pass() -> None:
-    (operation,) = program(SHORT.replace("G97 S600", "G96 S100"))
+def test_a_surface_speed_follows_x_up_to_its_limit() -> None:
+    """100 m/min is 1719 rpm at X18.52, the first pass, and 1753 at X18.16, the last; G50 S1740 lies between."""
+    (operation,) = program(SHORT.replace("G97 S600", "G50 S1740\nG96 S100"))
     start = operation.passes[0].start.x
     assert operation.parameters["controller.commanded_speed"] == pytest.approx(100.0 / 60.0 / start)
+    assert operation.parameters["controller.highest_speed"] == pytest.approx(1740.0 / 60.0 * TURN)
+    parameters = {**operation.parameters, "z_drive.speed_limit": 1.0}
+    result = lathe.simulate(parameters=parameters, stop_time=operation.stop_time)
+    assert result["controller.phase"][-1] == 8
+    for one in operation.passes:
+        rows = (result["controller.pass_number"] == one.number) & (result["controller.threading"] == 1)
+        rows &= result["controller.z_command"] > -6e-3  # before the run-out
+        told = result["controller.spindle_speed_command"][rows]
+        np.testing.assert_allclose(told, min(1740.0 / 60.0 * TURN, 100.0 / 60.0 / one.start.x))
+
+
+def test_the_limit_of_a_surface_speed_holds_wherever_it_is_written() -> None:
+    for text in ("G50 S600\nG96 S200 M3\n", "G96 S200 M3\nG50 S600\n"):
+        (operation,) = program(SHORT.replace("G97 S600 M3\n", text))
+        assert operation.parameters["controller.commanded_speed"] == pytest.approx(600.0 / 60.0 * TURN)
+    (operation,) = program(SHORT.replace("G97", "G50 S300\nG97"))
+    assert operation.parameters["controller.commanded_speed"] == pytest.approx(600.0 / 60.0 * TURN)  # of G97: as told
 
 
 CHAIN = "G97 S600 M3\nG0 X26. Z5.\nX19.\nG32 Z-1. F1.5\n"
 
 
+def test_a_run_out_amid_a_chain_is_a_block_of_its_own() -> None:
+    """Z keeps the lead through it; steeper than 45 degrees X is the long axis, and the lead counts along it."""
+    (operation,) = program(CHAIN.replace("F1.5", "F1.5 J0.5 K1.") + "Z-3. F2. J2. K1.\nZ-5.\nM30\n")
+    values = {name.removeprefix("controller."): value for name, value in operation.parameters.items()}
+    assert values["z_end"] == pytest.approx(0.0)
+    assert values["further_blocks"] == 4
+    assert values["further_z"] == pytest.approx([-1e-3, -2e-3, -3e-3, -5e-3])
+    assert values["further_x"] == pytest.approx([10e-3, 10e-3, 12e-3, 12e-3])
+    assert values["further_lead"] == pytest.approx([1.5e-3, 2e-3, 4e-3, 2e-3])
+    assert [path.turns for path in operation.passes[0].paths] == pytest.approx([5 / 1.5, 1 / 1.5, 0.5, 0.5, 1.0])
+
+
+def test_a_chain_of_thirty_blocks_is_cut() -> None:
+    (operation,) = program(CHAIN + "".join(f"W-1. F{1 + n % 2}.\n" for n in range(30)) + "G0 X26.\nM30\n")
+    assert operation.parameters["controller.further_blocks"] == 30
+    result = lathe.simulate(parameters=operation.parameters, stop_time=operation.stop_time)
+    assert result["controller.block"].max() == 31
+    assert result["controller.z_command"].min() == pytest.approx(-31e-3, abs=1e-9)
+
+
+def test_threads_across_a_face_are_left_along_z() -> None:
+    (operation,) = program("G97 S300 M3\nG0 X60. Z2.\nZ-0.5\nG32 X20. F2.\nG0 Z2.\nX60.\nM30\n")
+    values = operation.parameters
+    assert (values["controller.infeed_axis"], values["controller.z_clear"]) == ("z", 2e-3)
+    assert values["z_drive.initial_position"] == 2e-3
+    (beside,) = program("G97 S300 M3\nG0 X60. Z-0.5\nG32 X20. F2.\nG0 X60.\nM30\n")
+    assert beside.parameters["controller.infeed_axis"] == "x"
+
+
+def test_parameters_of_the_control_reach_the_machine() -> None:
+    interpretation = interpret(read_program(SHORT))
+    control = ControlParameters(speed_fluctuation_percent=10, acceleration_type=2)
+    (operation,) = operations(interpretation, control=control)
+    assert operation.parameters["controller.fluctuation_limit"] == pytest.approx(0.1)
+    assert operation.parameters["controller.start_mode"] == "exponential"
+    assert "controller.start_mode" not in operations(interpretation)[0].parameters
+
+
 @pytest.mark.parametrize(("text", "what"), [
     ("G97 S600 M3\nG0 X26. Z5.\nM30\n", "cuts no thread"),
-    (CHAIN + "".join(f"Z-{n}.\n" for n in range(2, 10)) + "M30\n", "a chain of 9 threading blocks"),
-    (CHAIN.replace("F1.5", "F1.5 J0.5 K0.5") + "Z-3.\nM30\n", "runs out amid its chain"),
+    (CHAIN + "".join(f"Z-{n}.\n" for n in range(2, 34)) + "M30\n", "a chain of 33 threading blocks"),
+    (CHAIN.replace("G97 S600", "G96 S60").replace("X19.", "X0"), "write its highest spindle speed with G50 S"),
 ])
 def test_what_the_controller_cannot_cut_is_refused(text: str, what: str) -> None:
     with pytest.raises(OperationError, match=what) as caught:

@@ -59,6 +59,8 @@ PARAMETERS: dict[str, dict[str, Given]] = {
     },
     "g76_program": of_program() | {
         "controller.start_mode": "s_shaped", "controller.acceleration_limit": 5.0, "controller.start_order": 1,
+        "controller.infeed_axis": "z", "controller.z_clear": 6e-3, "controller.surface_speed": 1.6,
+        "controller.highest_speed": 157.0,
         "x_drive.backlash": 1e-5, "x_drive.detector": "linear_scale",
     },
     "special_groove": {
@@ -66,7 +68,7 @@ PARAMETERS: dict[str, dict[str, Given]] = {
         "controller.z_end": 0.004, "controller.further_z": [0.003, 0.003, -0.03],
         "controller.further_x": [0.0097, 0.0097, 0.0107], "controller.further_lead": [4e-3, 0.0, 3e-3],
         "controller.further_lead_change": [0.0, 0.0, 1e-4], "controller.further_start_angle": [4.7, 1.5, 3.1],
-        "controller.run_out_length": 2e-3, "controller.run_out_height": 1e-3,
+        "controller.run_out_length": 2e-3, "controller.run_out_height": 1e-3, "controller.surface_speed": 0.5,
     },
 }
 

@@ -20,9 +20,9 @@ from threadpitch.judgement import (
     together,
     verdict_document,
 )
-from threadpitch.lathe import ACTUAL, CONTROLLER, NOMINAL, Z_DRIVE, Simulation
+from threadpitch.lathe import ACTUAL, NOMINAL, Z_DRIVE, Simulation
 from threadpitch.measuring import MeasuringPlan, measure, recorded_rows
-from threadpitch.passes import FloatArray, Pass
+from threadpitch.passes import CONTROLLER, FloatArray, Pass
 from threadpitch.pitch import PitchError, PitchTable, pitch_table
 from threadpitch.trace import TURN, Trace, TraceError
 from threadpitch.units import from_si

@@ -20,8 +20,10 @@ from threadpitch import cosim
 from threadpitch.cosim.master import Progress
 from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
+from threadpitch.cycles.moves import Hand
 from threadpitch.fmu import available_compiler, cached_fmu
-from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE, FloatArray, Pass, ToolPath, find_passes
+from threadpitch.followers import following, tapered
+from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE, FloatArray, Pass, ToolPath, alarm_text, find_passes
 from threadpitch.pitch import PitchTable
 from threadpitch.replacement import replacements
 from threadpitch.units import from_si
@@ -42,7 +44,7 @@ class LatheError(ValueError):
     """The simulation cannot answer the question that was asked; the message tells why and how to mend it."""
 
 
-class Simulation(Mapping[str, cosim.recording.Column]):
+class Simulation(Mapping[str, cosim.block.Column]):
     """What a simulated lathe leaves: recorded variables by name, and the passes that were cut.
 
     ``result["nominal_pitch.pitch[1]"]`` and ``result.time`` are (steps + 1,), the first row after initialisation.
@@ -56,16 +58,28 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         self._turning = result if result.watched is None else result.watched  # rows in which turns end, or all
         self._numbers: tuple[int, ...] = ()
         self._final: frozenset[int] = frozenset()
+        self._hands: tuple[Hand | None, ...] = ()
 
-    def numbered(self, numbers: Sequence[int], final: Iterable[int]) -> Simulation:
-        """The same, its passes with the numbers that a program gives them; ``final`` make the final flanks."""
+    def numbered(self, numbers: Sequence[int], final: Iterable[int], hands: Sequence[Hand | None] = ()) -> Simulation:
+        """The same, its passes with a program's numbers and hands; those numbered ``final`` make the final flanks."""
         other = Simulation(self.result, self.flavor)
         other._numbers, other._final = tuple(numbers), frozenset(final)
+        other._hands = tuple(hands) or (None,) * len(numbers)
         return other
 
     def parameter(self, name: str) -> float | None:
         """A parameter of the control or the Z drive; None where the system does not have it."""
         return float(self._turning[name][0]) if name in self._turning else None
+
+    @property
+    def begun_passes(self) -> int:
+        """How many passes began, a last one without a whole turn too."""
+        return int(np.count_nonzero(np.diff(self._threading().astype(np.int8), prepend=np.int8(0)) > 0))
+
+    @property
+    def alarm(self) -> str:
+        """The alarm that stopped the controller, when, and how to mend it; empty where there was none."""
+        return alarm_text(self._turning, self._turning.time)
 
     @property
     def time(self) -> FloatArray:
@@ -78,7 +92,7 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         schedule = self.result.schedule
         return round(schedule.time(self.steps) - schedule.start_time, 12)
 
-    def __getitem__(self, name: str) -> cosim.recording.Column:
+    def __getitem__(self, name: str) -> cosim.block.Column:
         return self.result[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -113,8 +127,9 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         found = find_passes(self._turning, calculator, self._threading(), self._turning.time)
         if not self._numbers:
             return found
-        return tuple(replaced(one, number=number, final_flank=number in self._final)
-                     for one, number in ((one, self._numbers[one.number - 1]) for one in found))
+        told = [(one, one.number - 1) for one in found]
+        return tuple(replaced(one, number=self._numbers[k], hand=self._hands[k],
+                              final_flank=self._numbers[k] in self._final) for one, k in told)
 
     def axis_too_slow(self) -> str:
         """What to say where lead x speed is more than the Z axis does; nothing where it is not, or not told."""
@@ -160,10 +175,11 @@ class Simulation(Mapping[str, cosim.recording.Column]):
         threading = self._threading()
         stop = self.result.schedule.time(self.steps)
         if not threading.any():
-            mend = self._why_not_at_speed() or "choose a longer stop time"
+            mend = self.alarm or self._why_not_at_speed() or "choose a longer stop time"
             return f"no threading until the stop at {stop:g} s; {mend}"
         began = float(self._turning.time[int(np.argmax(threading))])
-        return f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; choose a longer stop time"
+        return (f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; "
+                f"{self.alarm or 'choose a longer stop time'}")
 
     def _why_not_at_speed(self) -> str:
         """What to say where the spindle has not come near its commanded speed; nothing where it has."""
@@ -214,12 +230,14 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
                            if {"z_face", "start_number"} <= description.variables.keys()]
             cutters = [name for name, description in plan.descriptions.items()
                        if {"surface_radius", "groove_position"} <= description.variables.keys()]
+            alarms = [f"{name}.alarm" for name in controllers if "alarm" in plan.descriptions[name].variables]
             limits = [f"{component}.{name}" for component, name in LIMITS
                       if component in plan.descriptions and name in plan.descriptions[component].variables]
         chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
-        chosen = _following(chosen, calculators, cutters) | chosen
-        chosen = _tapered(plan, chosen, cutters) | chosen
-        watch = _watch(calculators, controllers, limits)
+        chosen = following(chosen, calculators, cutters) | chosen
+        chosen = tapered(plan, chosen, cutters) | chosen
+        watch = _watch(calculators, controllers, [*limits, *alarms])
+        watch = cosim.Watch(watch.record, (*watch.on, *alarms))
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
                                 record_every=record_every, record_on=record_on, watch=watch, results=results,
@@ -257,30 +275,6 @@ def _watch(calculators: Sequence[str], controllers: Sequence[str], limits: Seque
         record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
     record += limits
     return cosim.Watch(tuple(record), tuple(on))
-
-
-def _following(chosen: Mapping[str, Given], calculators: Sequence[str], cutters: Sequence[str]) -> dict[str, Given]:
-    """Targets and workpiece of another thread of the controller, for where they are not given themselves."""
-    followers = (("lead", "pitch_target", calculators), ("x_surface", "surface_radius", cutters),
-                 ("z_face", "face", cutters), ("starts", "starts", cutters))
-    return {f"{name}.{variable}": chosen[f"{CONTROLLER}.{source}"] for source, variable, names in followers
-            for name in names if f"{CONTROLLER}.{source}" in chosen}
-
-
-def _tapered(plan: cosim.Plan, chosen: Mapping[str, Given], cutters: Sequence[str]) -> dict[str, Given]:
-    """The workpiece of a tapered thread: r(z) = x_surface + slope (z - z_end), slope = taper / (z_start - z_end)."""
-    if f"{CONTROLLER}.taper" not in chosen:
-        return {}
-    names = ("taper", "z_start", "z_end", "z_face", "x_surface")
-    values = {name: plan.descriptions[CONTROLLER].variables[name].start or 0.0 for name in names}
-    settings = cosim.check(plan.system, plan.descriptions, chosen).settings
-    values |= {one.variable.name: float(one.value) for one in settings
-               if one.component == CONTROLLER and one.variable.name in values}
-    along = values["z_start"] - values["z_end"]
-    slope = values["taper"] / along if along else 0.0
-    return {f"{name}.{variable}": value for name in cutters for variable, value in (
-        ("taper", slope), ("surface_radius", values["x_surface"] + slope * (values["z_face"] - values["z_end"])))
-        if f"{name}.{variable}" not in chosen or f"{CONTROLLER}.x_surface" in chosen}
 
 
 def choose_flavor(flavor: str | None = None) -> str:

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from threadpitch.judgement import MeasuredThread
-from threadpitch.lathe import CONTROLLER, LatheError, Simulation
-from threadpitch.passes import FloatArray, Pass
+from threadpitch.lathe import LatheError, Simulation
+from threadpitch.passes import CONTROLLER, FloatArray, Pass
 from threadpitch.pitch import PitchError, pitch_table
 from threadpitch.trace import TURN, Trace
 from threadpitch.units import UnitError, conversion, from_si

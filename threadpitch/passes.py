@@ -8,13 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from threadpitch.cycles.moves import Kind
+from threadpitch.cycles.moves import Hand, Kind
 from threadpitch.pitch import PitchTable, Statistics, statistics
 
 CONTROLLER = "controller"  # its name in the lathe's SSD
 KINDS: tuple[Kind, ...] = ("rough", "finish", "spring")  # by the controller's pass_kind
 WORKPIECE = ("z_face", "z_start", "z_end")  # parameters of the controller
 TOLD = ("pass_kind", "cut_depth", "start_angle", "start_number", "lead", "starts")  # what it says of a pass
+ALARMS = {  # of the controller: what is wrong, and how to mend it
+    1: "the spindle's speed varied by more than the fluctuation limit (parameter 106); load it less or allow more with "
+       "controller.fluctuation_limit",
+    2: "the spindle was slower than controller.least_speed; load it less or turn faster",
+    3: "lead * speed is more than controller.feed_limit; turn slower",
+    4: "the spindle does not reach its speed; turn slower, or wait longer with controller.longest_wait",
+    5: "an axis does not come into position; look at its drive, or widen controller.position_width",
+    6: "no one-turn pulse comes; look at the spindle's detector and controller.detector",
+}
 TURNS_A_STEP = 8  # turns of one start angle that a PitchCalculator keeps per step
 
 FloatArray = NDArray[np.float64]
@@ -40,9 +49,11 @@ class Pass:
     start_angle: float | None = None  # rad from the one-turn pulse
     lead: float | None = None  # m
     pitch: float | None = None  # m, lead / starts
+    hand: Hand | None = None  # of the thread, where a program tells in which direction the spindle turns
     final_flank: bool = False  # of its start, the last pass that takes metal
     began: float | None = None  # s, when the feed began to follow the spindle
     ended: float | None = None  # s
+    target: float | None = None  # m, movement per turn that the calculator compares with
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +64,16 @@ class ToolPath:
     z: FloatArray  # (rows,)
     x: FloatArray  # (rows,)
     threading: NDArray[np.bool_]  # (rows,)
+
+
+def alarm_text(columns: Columns, time: FloatArray) -> str:
+    """The alarm that stopped the controller, its time and mend; empty where there is none, or none is told."""
+    alarm = columns.get(f"{CONTROLLER}.alarm")
+    if alarm is None or not np.any(alarm):
+        return ""
+    row = int(np.argmax(alarm != 0))
+    number = int(alarm[row])
+    return f"alarm {number} at {time[row]:.4g} s: {ALARMS.get(number, 'see the controller')}"
 
 
 def find_passes(columns: Columns, calculator: str, threading: NDArray[np.bool_], time: FloatArray) -> tuple[Pass, ...]:
@@ -91,7 +112,7 @@ def _pass(columns: Columns, calculator: str, rows: slice) -> Pass | None:
     in_metal = _in_metal(columns, pitch, ends)
     effective = None if in_metal is None else statistics(np.where(in_metal, pitch, np.nan))
     one = Pass(0, _start_number(columns, rows), PitchTable.of_pitches(pitch, starts), effective, pitch - target,
-               np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal)
+               np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal, target=target)
     return _described(columns, one, rows)
 
 

@@ -11,18 +11,21 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from threadpitch.cosim.values import Given
-from threadpitch.cycles import G76Cycle, Interpretation, Pass, spindle_of_passes
+from threadpitch.cycles import ControlParameters, G76Cycle, Interpretation, Pass, spindle_of_passes
 from threadpitch.cycles import passes as passes_of_cycle
+from threadpitch.cycles.chain_blocks import without_inner_run_outs
 from threadpitch.cycles.dialect import Clamping, Finishing
-from threadpitch.cycles.moves import TURN, SpindleSpeed, SurfaceSpeed, ThreadPath, Wait
+from threadpitch.cycles.moves import TURN, Point, SpindleSpeed, SurfaceSpeed, ThreadPath, Wait
 from threadpitch.cycles.pass_kinds import SAME
 
-MOST_BLOCKS = 8  # of a chain in the controller
+MOST_BLOCKS = 32  # of a chain in the controller
 MOST_DEPTHS = 32  # of its list of passes
 EXTERNAL_HEIGHT = 17.0 / 24.0 * math.sqrt(3.0) / 2.0  # of the pitch, ISO 68-1 and ISO 965-1: depth of the root
+START_MODES = ("catch_up", "s_shaped", "exponential")  # of parameter 253: 0 linear, 1 S, 2 exponential
 _LONGEST_SPIN_UP = 3.0  # s
 _RAPID = 0.25  # m/s, slow enough for a stop time
-_MARGIN = 0.3  # s a pass for accelerations
+_MARGIN = 0.5  # s a pass for accelerations and until the axes are in position
+_SPEED_CHANGE = 1.0  # s a pass under constant surface speed, for the spindle to follow X
 
 Spindle = SpindleSpeed | SurfaceSpeed | None
 
@@ -48,47 +51,79 @@ class Operation:
     passes: tuple[Pass, ...]
 
 
-def operations(program: Interpretation, workpiece: Workpiece | None = None) -> tuple[Operation, ...]:
+def operations(program: Interpretation, workpiece: Workpiece | None = None,
+               control: ControlParameters | None = None) -> tuple[Operation, ...]:
     """The operations of a program, to be run one after the other, each from where its first pass is approached.
 
+    ``control`` gives parameters 106 and 253 to the machine; None leaves it its own fluctuation limit and start.
+
     Raises:
-        OperationError: no pass, no spindle speed, a chain of more than 8 blocks, a run-out amid a chain.
+        OperationError: no pass, no spindle speed, a chain of more than 32 blocks.
     """
     if not program.passes:
         raise OperationError("the program cuts no thread; write G32, G33, G34, G76 or G92")
     piece = workpiece or Workpiece()
     spindle = spindle_of_passes(program.moves)
+    set_up = {} if control is None else _of_control(control)
     made: list[Operation] = []
     cycles = list(program.cycles)
-    left = list(program.passes)
+    left = [without_inner_run_outs(one) for one in program.passes]
     while left:
         if left[0].depth is not None:
             cycle = cycles.pop(0)
             taken = left[:len(passes_of_cycle(cycle))]
+            if not taken:  # m = 0 and all of the height as allowance
+                continue
             own = _multiple(cycle, piece)
         else:
             taken = _alike(left, spindle)
             own = _list(taken, piece)
         del left[:len(taken)]
-        made.append(_operation(own, taken, _speed(spindle.get(taken[0].number), taken[0])))
+        made.append(_operation({**set_up, **own}, taken, spindle.get(taken[0].number)))
     return tuple(made)
 
 
-def _operation(own: Mapping[str, Given], passes: Sequence[Pass], speed: float) -> Operation:
+def _operation(own: Mapping[str, Given], passes: Sequence[Pass], spindle: Spindle) -> Operation:
     first = passes[0]
-    values = {"commanded_speed": speed, "x_clear": first.approach.x, **own}
+    values = {**_spindle(spindle, first), "x_clear": first.approach.x, **_infeed_axis(first), **own}
     named: dict[str, Given] = {f"controller.{name}": value for name, value in values.items()}
     named |= {"z_drive.initial_position": first.approach.z, "x_drive.initial_position": first.approach.x}
-    return Operation(named, _stop_time(passes, speed), tuple(passes))
+    return Operation(named, _stop_time(passes, spindle), tuple(passes))
 
 
-def _speed(spindle: Spindle, one: Pass) -> float:
-    """rad/s; of a constant surface speed that at the X where the pass begins."""
+def _spindle(spindle: Spindle, first: Pass) -> dict[str, Given]:
+    """Speed, and of a constant surface speed that with its limit."""
+    values: dict[str, Given] = {"commanded_speed": _speed(spindle, first, first.start)}
+    if isinstance(spindle, SurfaceSpeed):
+        values["surface_speed"] = spindle.speed
+        if spindle.highest < math.inf:
+            values["highest_speed"] = spindle.highest
+    return values
+
+
+def _speed(spindle: Spindle, one: Pass, at: Point) -> float:
+    """rad/s; of a constant surface speed that at the X of a point of the pass."""
     if isinstance(spindle, SpindleSpeed) and spindle.speed > 0.0:
         return spindle.speed
-    if isinstance(spindle, SurfaceSpeed) and spindle.speed > 0.0 and one.start.x != 0.0:
-        return spindle.speed / abs(one.start.x)
+    if isinstance(spindle, SurfaceSpeed) and spindle.speed > 0.0:
+        if at.x == 0.0 and spindle.highest == math.inf:
+            raise OperationError(f"pass {one.number} is on the turning axis under constant surface speed; write its "
+                                 "highest spindle speed with G50 S, or G97")
+        return min(spindle.highest, spindle.speed / abs(at.x)) if at.x else spindle.highest
     raise OperationError(f"pass {one.number} finds no turning spindle; write S and M3 before it")
+
+
+def _infeed_axis(first: Pass) -> dict[str, Given]:
+    """Z where the tool came to a thread across a face along Z; else X."""
+    if first.paths[0].long_axis == "x" and first.approach.z != first.start.z and first.depth is None:
+        return {"infeed_axis": "z", "z_clear": first.approach.z}
+    return {"infeed_axis": "x"}
+
+
+def _of_control(control: ControlParameters) -> dict[str, Given]:
+    """Parameters 106 (percent) and 253."""
+    return {"fluctuation_limit": control.speed_fluctuation_percent / 100.0,
+            "start_mode": START_MODES[int(control.acceleration_type)]}
 
 
 def _multiple(cycle: G76Cycle, piece: Workpiece) -> dict[str, Given]:
@@ -135,14 +170,13 @@ def _list(passes: Sequence[Pass], piece: Workpiece) -> dict[str, Given]:
 
 def _chain(one: Pass, moved: float) -> dict[str, Given]:
     """The threading blocks after the first, their X as that of the deepest pass."""
-    further = one.paths[1:]
+    paths = one.paths
+    if len(paths) > MOST_BLOCKS:
+        raise OperationError(f"pass {one.number} is a chain of {len(paths)} threading blocks, run-outs amid it counted "
+                             f"as their own; the controller takes {MOST_BLOCKS}: write fewer")
+    further = paths[1:]
     if not further:
         return {}
-    if len(one.paths) > MOST_BLOCKS:
-        raise OperationError(f"pass {one.number} is a chain of {len(one.paths)} threading blocks; the controller takes "
-                             f"{MOST_BLOCKS}")
-    if any(path.run_out is not None for path in one.paths[:-1]):
-        raise OperationError(f"pass {one.number} runs out amid its chain; keep the run-out for its last block")
     return {
         "further_blocks": len(further), "further_z": [path.end.z for path in further],
         "further_x": [path.end.x + moved for path in further], "further_lead": [path.lead for path in further],
@@ -203,10 +237,14 @@ def _rounded(length: float) -> int:
     return round(length / SAME)
 
 
-def _stop_time(passes: Sequence[Pass], speed: float) -> float:
+def _stop_time(passes: Sequence[Pass], spindle: Spindle) -> float:
     """Enough for the spin-up, and for every pass: the wait for the start, its turns, the stop, the way back."""
     total = _LONGEST_SPIN_UP
+    if isinstance(spindle, SurfaceSpeed):
+        total += _SPEED_CHANGE * len(passes)
     for one in passes:
+        widest = max((one.start, one.end), key=lambda at: abs(at.x))
+        speed = _speed(spindle, one, widest)
         turns = sum(path.turns for path in one.paths)
         turns += sum(1.0 for path in one.paths if path.wait is not Wait.NONE) + 1.0
         length = abs(one.end.z - one.approach.z) + abs(one.end.x - one.approach.x)

@@ -18,7 +18,8 @@ from threadpitch.passes import Pass
 from threadpitch.tables import pass_text, pitch_record, start_angles_deg
 from threadpitch.units import from_si
 
-FILES = ("trace.csv", "pitch.csv", "tables.txt", "result.json")
+METADATA = "metadata.json"
+FILES = ("trace.csv", "pitch.csv", "tables.txt", "result.json", METADATA)
 MEASURED = "measured.csv"  # of a thread that was measured by a plan
 _TEMPORARY = ".threadpitch-"
 _CHOOSE = "choose another folder with --output"
@@ -32,6 +33,7 @@ def run_document(simulation: Simulation, found: Diagnosis | None = None) -> dict
     """
     return {
         "passes": [_pass_record(one) for one in simulation.passes],
+        "alarm": simulation.alarm or None,
         "steps": simulation.steps,
         "simulated_s": simulation.simulated,
         "wall_s": simulation.wall_time,
@@ -60,7 +62,8 @@ def check_folder(folder: str | Path) -> None:
 
 
 def save_run(simulation: Simulation, folder: str | Path, found: Diagnosis | None = None) -> list[Path]:
-    """Write ``trace.csv``, ``pitch.csv``, ``tables.txt`` and ``result.json`` into a folder (made if need be).
+    """Write ``trace.csv``, ``pitch.csv``, ``tables.txt``, ``result.json``, ``metadata.json`` into a folder (made if
+    need be); the last tells how the run was made, and where its results are if they are not in ``trace.csv``.
 
     Besides ``measured.csv``, where the thread was measured.
 
@@ -110,6 +113,9 @@ def _write_files(simulation: Simulation, folder: Path, found: Diagnosis | None) 
     (folder / "result.json").write_text(json.dumps(run_document(simulation, found), indent=1) + "\n", encoding="utf-8")
     if found is not None and found.measured:
         write_measured(found.measured, folder / MEASURED)
+    path = simulation.result.path
+    made = {**simulation.result.metadata, "results": None if path is None else str(path.absolute())}
+    (folder / METADATA).write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
 
 
 def _pass_record(one: Pass) -> dict[str, object]:
@@ -128,7 +134,7 @@ def _told(one: Pass) -> dict[str, object]:
     lengths = {"depth_mm": one.depth, "lead_mm": one.lead, "groove_pitch_mm": one.pitch}
     told = {name: None if value is None else from_si(value, "mm") for name, value in lengths.items()}
     angle = None if one.start_angle is None else from_si(one.start_angle, "deg")
-    return {"kind": one.kind, **told, "start_angle_deg": angle, "final_flank": one.final_flank}
+    return {"kind": one.kind, **told, "start_angle_deg": angle, "hand": one.hand, "final_flank": one.final_flank}
 
 
 def _write_pitches(simulation: Simulation, path: Path) -> None:

@@ -19,6 +19,7 @@ from rich.text import Text
 
 from threadpitch.passes import Pass
 from threadpitch.pitch import BoolArray, GroupPitch, PitchTable, Statistics, StreamedPitch
+from threadpitch.sparkline import deviation_lines, pass_deviation_lines
 from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
 
@@ -26,6 +27,9 @@ MISSING = "-"
 _EXTRAPOLATED = "* begins before the first sample: extrapolated from the first two samples"
 _TURN_COLUMNS = 24  # characters of the columns for rotation angle and rotation number
 _START_COLUMN = 12  # characters of the column of one start angle
+_NARROW = _TURN_COLUMNS + _START_COLUMN + 2  # below it the rotation angle is left out
+_NARROW_STATISTICS = 56  # below it start angles are columns of the statistics
+_LEAST, _GREATEST = "blue", "magenta"  # colours of a start angle's least and greatest movement
 
 
 @dataclass(frozen=True)
@@ -77,18 +81,26 @@ def pitch_tables_text(table: PitchTable, layout: Layout | None = None) -> str:
     return _plain(pitch_renderable(table, layout), layout or Layout())
 
 
-def show_groups(console: Console, groups: Sequence[GroupPitch | StreamedPitch], *, decimals: int = 4) -> None:
-    """Prints the tables of every group; with drawn lines and bold heads on a terminal, plain in a pipe."""
+def show_groups(console: Console, groups: Sequence[GroupPitch | StreamedPitch], *, decimals: int = 4,
+                target: float | None = None) -> None:
+    """Prints the tables of every group and its deviations from the target, m, or from their median where there is none.
+
+    With drawn lines, colours and bold heads on a terminal, plain in a pipe.
+    """
     layout = _layout_of(console, decimals)
     for group in groups:
         console.print(Text(f"Group {printable(group.label)}", style="bold"))
         console.print(pitch_renderable(group.table, layout))
+        for line in deviation_lines(console, group.table, target):
+            console.print(line)
         console.print()
 
 
 def show_pass(console: Console, one: Pass, *, decimals: int = 4) -> None:
-    """Prints the tables of a simulated pass; with drawn lines and bold heads on a terminal, plain in a pipe."""
+    """Prints the tables and deviations of a simulated pass; drawn lines and colours on a terminal, plain in a pipe."""
     console.print(_pass_renderable(one, _layout_of(console, decimals)))
+    for line in pass_deviation_lines(console, one):
+        console.print(line)
 
 
 def pass_text(one: Pass, layout: Layout | None = None) -> str:
@@ -97,13 +109,14 @@ def pass_text(one: Pass, layout: Layout | None = None) -> str:
 
 
 def pass_description(one: Pass) -> str:
-    """Kind, depth, start angle, lead and pitch of a pass in two lines; empty where the system does not tell them."""
+    """Kind, depth, start angle, lead, pitch and hand of a pass in two lines; empty where the system tells nothing."""
     if one.kind is None or one.depth is None or one.start_angle is None or one.lead is None or one.pitch is None:
         return ""
     depth, lead, pitch = (from_si(value, "mm") for value in (one.depth, one.lead, one.pitch))
     flank = ", makes the final flank" if one.final_flank else ""
     return (f"{one.kind}, depth {depth:.4f} mm{flank}\n"
-            f"start angle {from_si(one.start_angle, 'deg'):.6g} deg, lead {lead:.6g} mm, pitch {pitch:.6g} mm")
+            f"start angle {from_si(one.start_angle, 'deg'):.6g} deg, lead {lead:.6g} mm, pitch {pitch:.6g} mm"
+            f"{'' if one.hand is None else f', {one.hand}-hand'}")
 
 
 def pitch_renderable(table: PitchTable, layout: Layout | None = None) -> RenderableType:
@@ -111,7 +124,7 @@ def pitch_renderable(table: PitchTable, layout: Layout | None = None) -> Rendera
     layout = layout or Layout()
     parts: list[RenderableType] = [Text("Movement amount P(n) for each rotation [mm]"),
                                    *_movement_tables(table, layout),
-                                   _statistics_table(table, table.statistics, layout)]
+                                   *_statistics_tables(table, table.statistics, layout)]
     if table.uncertainty is not None:
         parts.append(Text(_uncertainty(table.uncertainty)))
     if table.extrapolated.any():
@@ -140,10 +153,12 @@ def _movement_tables(table: PitchTable, layout: Layout) -> Iterator[Table]:
 
 def _movement_table(table: PitchTable, columns: range, layout: Layout) -> Table:
     headings = ["Rotation\nangle [deg]", "Number\nn [rev]", *(_heading(table, column) for column in columns)]
-    made = _table(headings, layout)
+    narrow = layout.width < _NARROW
+    made = _table(headings[1:] if narrow else headings, layout)
     for turn in range(table.pitch.shape[1]):
+        angle = [] if narrow else [str(360 * (turn + 1 + table.turns_before))]
         cells = [_cell(table, column, turn, layout.decimals) for column in columns]
-        made.add_row(str(360 * (turn + 1 + table.turns_before)), str(turn + 1), *cells)
+        made.add_row(*angle, str(turn + 1), *cells)
     return made
 
 
@@ -154,7 +169,7 @@ def _pass_renderable(one: Pass, layout: Layout) -> RenderableType:
     parts: list[RenderableType] = [head, *told, pitch_renderable(one.table, layout)]
     if one.effective is not None and one.in_metal.any():
         parts += [Text(f"Effective thread: turns in the metal, {_in_metal(one.table, one.in_metal)}"),
-                  _statistics_table(one.table, one.effective, layout)]
+                  *_statistics_tables(one.table, one.effective, layout)]
     return Group(*parts)
 
 
@@ -179,13 +194,25 @@ def _plain(renderable: RenderableType, layout: Layout) -> str:
     return "\n".join(line.rstrip() for line in text.getvalue().splitlines()) + "\n"
 
 
-def _statistics_table(table: PitchTable, found: Statistics, layout: Layout) -> Table:
-    columns = {"Maximum\n[mm]": found.maximum, "Minimum\n[mm]": found.minimum, "Mean\n[mm]": found.mean}
-    made = _table(["Start angle", *columns], layout)
-    for row in range(table.start_angles.size):
-        values = [_number(float(values[row]), layout.decimals) for values in columns.values()]
-        made.add_row(_heading(table, row).replace("\n", " = "), *values)
-    return made
+def _statistics_tables(table: PitchTable, found: Statistics, layout: Layout) -> Iterator[Table]:
+    """One start angle per row; on narrow paper one per column, and as many tables as it takes."""
+    rows = [("Maximum", found.maximum, _GREATEST), ("Minimum", found.minimum, _LEAST), ("Mean", found.mean, "")]
+    cells = {name: [Text(_number(value, layout.decimals), style=style) for value in values.tolist()]
+             for name, values, style in rows}
+    count = table.start_angles.size
+    if layout.width >= _NARROW_STATISTICS:
+        made = _table(["Start angle", *(f"{name}\n[mm]" for name in cells)], layout)
+        for row in range(count):
+            made.add_row(_heading(table, row).replace("\n", " = "), *(values[row] for values in cells.values()))
+        yield made
+        return
+    per_table = max(1, layout.width // _START_COLUMN - 1)
+    for first in range(0, count, per_table):
+        columns = range(first, min(first + per_table, count))
+        made = _table(["[mm]", *(_heading(table, column) for column in columns)], layout)
+        for name, values in cells.items():
+            made.add_row(name, *(values[column] for column in columns))
+        yield made
 
 
 def _table(headings: list[str], layout: Layout) -> Table:
@@ -199,11 +226,13 @@ def _heading(table: PitchTable, column: int) -> str:
     return f"theta_S{column + 1}\n{start_angles_deg(table)[column]:.6g} deg"
 
 
-def _cell(table: PitchTable, column: int, turn: int, decimals: int) -> str:
-    """The first turn that is there is the one whose beginning may be extrapolated."""
-    text = _number(float(table.pitch[column, turn]), decimals)
+def _cell(table: PitchTable, column: int, turn: int, decimals: int) -> Text:
+    """The first turn that is there is the one whose beginning may be extrapolated; coloured: least and greatest."""
+    pitch = float(table.pitch[column, turn])
+    text = _number(pitch, decimals)
     first = table.extrapolated[column] and text != MISSING and (turn == 0 or math.isnan(table.pitch[column, turn - 1]))
-    return f"{text}*" if first else text
+    style = {float(table.minimum[column]): _LEAST, float(table.maximum[column]): _GREATEST}.get(pitch, "")
+    return Text(f"{text}*" if first else text, style=style)
 
 
 def _number(value: float, decimals: int) -> str:

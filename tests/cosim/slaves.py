@@ -7,12 +7,13 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from threadpitch.cosim.block import Channel
 from threadpitch.cosim.check import Link
 from threadpitch.cosim.description import FmuDescription
 from threadpitch.cosim.instance import Polynomials, References, Transfer, Values
 from threadpitch.cosim.method import Method
 from threadpitch.cosim.network import Network
-from threadpitch.cosim.recording import Channel, Recorder
+from threadpitch.cosim.recording import Recorder
 from threadpitch.cosim.schedule import Schedule
 from threadpitch.cosim.state_slot import SerializedSlot, Slot
 from threadpitch.cosim.variable import FmuVariable

@@ -15,12 +15,13 @@ import pytest
 from tests.cosim.slaves import FunctionInstance, State, variable
 from tests.cosim.test_cosim_accuracy import exact, oscillator
 from threadpitch.cosim import CosimError, Event, Method, Result, StepControl, StepError, SystemStructureError, simulate
+from threadpitch.cosim.block import Channel
 from threadpitch.cosim.engine import choose_engine
 from threadpitch.cosim.events import Level
 from threadpitch.cosim.master import initialize, run
 from threadpitch.cosim.method import read_method
 from threadpitch.cosim.network import Network
-from threadpitch.cosim.recording import Channel, Recorder
+from threadpitch.cosim.recording import Recorder
 from threadpitch.cosim.schedule import Schedule
 from threadpitch.cosim.system import Component, Connection, System
 from threadpitch.fmu import available_compiler, cached_fmu

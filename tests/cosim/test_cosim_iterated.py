@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from tests.benchmarks import bench_iteration
 from tests.cosim.slaves import FunctionInstance, State, network, variable
 from threadpitch.cosim import Method, Result, StepError, SystemStructureError, simulate
 from threadpitch.cosim.check import Link
-from threadpitch.cosim.iteration import Iterates, Loop, begin_iteration, relax, settled
 from threadpitch.cosim.master import initialize, run
 from threadpitch.cosim.schedule import Schedule
 from threadpitch.cosim.system import Component, Connection, System
@@ -84,39 +83,19 @@ def test_a_loop_that_never_rests_is_named() -> None:
         run(joined, schedule)
 
 
-def relaxed(slope: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """What 400 sweeps of x = slope x + offset come to; None where they do not come to rest."""
-    iterates, loop = Iterates.of([0, 1, 2], []), Loop(0, 1, 0, 3, 0, 0)
-    reals, octets, omega = np.ones(3), np.zeros(0, np.uint8), 1.0
-    begin_iteration(iterates, loop, reals, octets)
-    for sweep in range(1, 400):
-        reals[:] = slope @ reals + offset
-        if settled(iterates, loop, reals, octets, 1e-12):
-            return reals
-        omega = relax(iterates, loop, reals, sweep, omega)
-    return None
-
-
 @settings(deadline=None, max_examples=100)
 @given(st.lists(st.floats(-0.5, 0.5), min_size=9, max_size=9), st.lists(st.floats(-9.0, 9.0), min_size=3, max_size=3))
-def test_what_relaxation_comes_to_is_the_fixed_point(matrix: list[float], offset: list[float]) -> None:
+def test_every_contraction_comes_to_rest_at_its_fixed_point(matrix: list[float], offset: list[float]) -> None:
     slope = np.reshape(matrix, (3, 3))
     slope *= 0.9 / max(0.9, float(np.linalg.norm(slope, 2)))
-    reals = relaxed(slope, np.array(offset))
-    if reals is not None:
-        assert reals == pytest.approx(np.linalg.solve(np.eye(3) - slope, offset), rel=1e-9, abs=1e-9)
+    reals, sweeps = bench_iteration.repeated(slope, np.array(offset))
+    assert sweeps <= Method().iterations
+    assert reals == pytest.approx(np.linalg.solve(np.eye(3) - slope, offset), rel=1e-9, abs=1e-9)
 
 
-def test_relaxation_comes_to_rest_on_nearly_all_contractions() -> None:
-    # Aitken's factor has no proof for several values at once: of contractions by 0.9 a few in a thousand wander
-    generator = np.random.default_rng(1)
-    rested = 0
-    for _ in range(1000):
-        slope = generator.uniform(-0.5, 0.5, (3, 3))
-        slope *= 0.9 / float(np.linalg.norm(slope, 2))
-        rested += relaxed(slope, generator.uniform(-9.0, 9.0, 3)) is not None
-    print(f"\n{rested} of 1000 contractions by 0.9 come to rest within 400 sweeps")
-    assert rested >= 980
+def test_random_contractions_come_to_rest_within_the_sweeps_of_the_default() -> None:
+    for size in bench_iteration.SIZES:
+        assert max(bench_iteration.sweeps_of_contractions(size, 150)) <= Method().iterations
 
 
 def test_what_lies_outside_of_loops_is_computed_once() -> None:

@@ -20,8 +20,9 @@ from scipy.io import loadmat
 
 from tests.cosim.slaves import variable
 from threadpitch.cosim import CosimError, Method, Result, StepError, Watch, again, recording, simulate
+from threadpitch.cosim.block import Block, Channel, Channels
 from threadpitch.cosim.parquet import read_metadata
-from threadpitch.cosim.recording import Block, Channel, Channels, MemoryRows, Taking
+from threadpitch.cosim.recording import MemoryRows, Taking
 from threadpitch.cosim.system import Component, Connection, System
 
 Factory = Callable[..., Path]
@@ -173,7 +174,7 @@ def test_blocks_of_any_size_give_the_same_changes(values: list[tuple[int, bool]]
     first = 0
     for cut in cuts:
         part = rows[first:first + cut]
-        taking.take(Block(channels, np.arange(first, first + len(part), dtype=np.float64),
+        taking.take(Block.of_rows(channels, np.arange(first, first + len(part), dtype=np.float64),
                           {8: np.empty((len(part), 0), np.int64), 4: part, 2: np.empty((len(part), 0), np.int16),
                            1: np.empty((len(part), 0), np.int8)}), first)
         first += cut

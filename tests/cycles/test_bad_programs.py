@@ -50,6 +50,8 @@ BAD = [
     ("G20 G21", 1, 5, Alarm.G_CODE, "contradicts G20"),
     ("G91", 1, 1, Alarm.G_CODE, "write U and W"),
     ("M98 P1", 1, 1, Alarm.M_CODE, "subprograms"),
+    ("S500 M3 M4", 1, 9, Alarm.M_CODE, "contradicts M3"),
+    ("S500 M5 M3", 1, 9, Alarm.M_CODE, "contradicts M5"),
     ("M3.5 S500", 1, 1, Alarm.POINT, "no decimal point"),
     ("S-500 M3", 1, 1, Alarm.MINUS, "without sign"),
     ("S100000 M3", 1, 1, Alarm.RANGE, "write 0 to 99999"),

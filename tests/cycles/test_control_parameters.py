@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -23,7 +25,7 @@ def test_execution_is_saved_across_runs(tmp_path: Path) -> None:
     result = expand_cycle(BLOCKS, Setup(parameters=file.read()))
     assert file.rewrite(result.rewritten) == result.parameters
     kept = ParameterFile(file.path).read()
-    assert kept.by_number() == {"019": 10, "057": 3, "058": 55, "059": 70, "060": 80, "106": 0, "253": 2}
+    assert kept.by_number() == {"019": 10, "057": 3, "058": 55, "059": 70, "060": 80, "106": 0, "253": 0}
     later = expand_cycle(BLOCKS[1:], Setup(parameters=kept))
     assert later.passes == result.passes
 
@@ -76,6 +78,37 @@ def test_a_refused_rewrite_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     before = file.path.read_bytes()
     with pytest.raises(CycleError, match="give 0 to 99"):
         file.rewrite({"057": 100})
+    assert file.path.read_bytes() == before
+
+
+def test_a_rewrite_keeps_mode_and_link_of_the_file(tmp_path: Path) -> None:
+    file = ParameterFile(tmp_path / "control.toml")
+    file.rewrite({"057": 2})
+    file.path.chmod(0o664)
+    link = tmp_path / "link.toml"
+    link.symlink_to(file.path)
+    ParameterFile(link).rewrite({"057": 5})
+    assert stat.S_IMODE(file.path.stat().st_mode) == 0o664
+    assert link.is_symlink()
+    assert file.read().finishing_passes == 5
+
+
+def test_what_a_killed_run_left_is_taken_over(tmp_path: Path) -> None:
+    file = ParameterFile(tmp_path / "control.toml")
+    file.rewrite({"057": 2})
+    (tmp_path / "control.toml.new").write_text('"057" = ', encoding="utf-8")
+    file.rewrite({"058": 55})
+    assert (file.read().finishing_passes, file.read().tool_angle_deg) == (2, 55)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["control.toml", "control.toml.lock"]
+
+
+def test_a_read_only_file_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = ParameterFile(tmp_path / "control.toml")
+    file.rewrite({"057": 2})
+    before = file.path.read_bytes()
+    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)  # root may write what is read-only
+    with pytest.raises(CycleError, match="is read-only"):
+        file.rewrite({"057": 3})
     assert file.path.read_bytes() == before
 
 

@@ -23,10 +23,11 @@ from threadpitch.cycles import (
     read_program,
     spindle_of_passes,
     start_point,
+    turning_speed,
 )
 
 M68X6 = ["G76 P020560 Q0.150 R0.1", "G76 X60.64 Z-62 P3.68 Q1.8 F6"]
-KEYS = ["number", "kind", "depth_mm", "start_x_mm", "start_z_mm", "end_x_mm", "end_z_mm", "start_angle_deg"]
+KEYS = ["number", "kind", "depth_mm", "start_x_mm", "start_z_mm", "end_x_mm", "end_z_mm", "start_angle_deg", "hand"]
 
 
 def gsk_example() -> Interpretation:
@@ -40,7 +41,7 @@ def test_the_document_has_the_keys_and_round_millimetres() -> None:
     first, last = document["passes"][0], document["passes"][-1]
     assert (first["depth_mm"], first["start_x_mm"], first["end_x_mm"]) == (1.8, 64.4, 64.4)
     assert (last["depth_mm"], last["end_x_mm"], last["end_z_mm"], last["kind"]) == (3.68, 60.64, -62.0, "finish")
-    assert document["parameters"] == {"019": 5, "057": 2, "058": 60, "059": 150, "060": 100, "106": 0, "253": 2}
+    assert document["parameters"] == {"019": 5, "057": 2, "058": 60, "059": 150, "060": 100, "106": 0, "253": 0}
 
 
 def test_depths_that_the_words_do_not_tell_are_null() -> None:
@@ -60,6 +61,17 @@ def test_the_table_fits_80_characters() -> None:
     assert all(len(line) <= 80 for line in text.splitlines())
 
 
+@pytest.mark.parametrize(("direction", "end", "hand"), [
+    ("M3", "Z-30.", "right"), ("M4", "Z-30.", "left"), ("M3", "Z30.", "left"), ("M4", "Z30.", "right"),
+    ("M3", "X20.", None)])
+def test_the_hand_follows_from_the_turning_direction_and_the_feed(direction: str, end: str, hand: str | None) -> None:
+    result = interpret(read_program(f"G97 S500 {direction}\nG0 X26. Z6.\nG32 {end} F2."))
+    (record,) = cycle_document(result)["passes"]  # type: ignore[misc,attr-defined] # a list of one
+    assert record["hand"] == hand
+    title = str(cycle_table(result.passes, result.moves).title)
+    assert ("left-hand" in title) == (hand == "left")
+
+
 def test_start_points_are_millimetres_with_x_as_diameter() -> None:
     point = start_point("26, 6.5")
     assert (point.x, point.z) == pytest.approx((0.013, 0.0065))
@@ -75,6 +87,17 @@ def test_passes_know_the_spindle_they_begin_with() -> None:
     assert speeds == pytest.approx([500 * math.pi / 30, 1.0, 10 * math.pi])
     alone = gsk_example()
     assert set(spindle_of_passes(alone.moves).values()) == {None}
+
+
+def test_a_surface_speed_has_the_limit_that_holds() -> None:
+    for text in ("G50 S900\nG96 S60 M3\n", "G96 S60 M3\nG50 S900\n"):
+        result = interpret(read_program(f"{text}G0 X26. Z6.\nG32 X2. Z-30. F2."))
+        (command,) = spindle_of_passes(result.moves).values()
+        assert command is not None
+        assert turning_speed(command, result.passes[0]) == pytest.approx(900 * math.pi / 30)  # not 9549 rpm at X2
+    (free,) = spindle_of_passes(interpret(read_program("G96 S60 M3\nG0 X26. Z6.\nG32 X0 F2.")).moves).values()
+    assert free is not None
+    assert turning_speed(free, result.passes[0]) == pytest.approx(1000.0)  # 1 m/s at X2
 
 
 def test_an_alarm_crosses_processes_whole() -> None:

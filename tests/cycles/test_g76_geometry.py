@@ -13,6 +13,7 @@ from threadpitch.cycles import (
     G76Cycle,
     G92Cycle,
     Helix,
+    Indexing,
     Infeed,
     Point,
     RunOut,
@@ -20,8 +21,11 @@ from threadpitch.cycles import (
     ThreadError,
     ThreadPath,
     expand_cycle,
+    groove_locus,
     infeed_scheme,
+    interpret,
     passes,
+    read_program,
     tool_path,
 )
 from threadpitch.cycles import single as single_cycle
@@ -141,6 +145,21 @@ def test_tool_path_is_closed_and_threads_only_between_bn_and_the_run_out() -> No
     assert (path.x[-1], path.z[-1]) == (15 * MM, 6 * MM)
     assert path.threading.sum() == 2 * len(result.passes)  # the line and its run-out
     assert path.z[:-1][path.threading].max() <= 6 * MM
+
+
+def test_the_groove_over_the_spindle_angle_is_that_of_the_seed_s_figure_3() -> None:
+    """Inclined, standing until the next start angle, inclined by another lead; a lead that grows is a parabola."""
+    text = ("G97 S60 M3\nG0 X26. Z0.\nG32 W-2. F4. Q0\nW-1. Q270000\nW0 F0 Q90000\nW-2. F4. Q180000\n"
+            "G34 W-3. F2. R1. Q0")
+    (one,) = interpret(read_program(text), Setup(indexing=Indexing.EVERY_BLOCK)).passes
+    angle, z = groove_locus(one)
+    assert np.all(np.diff(angle) >= 0.0)
+    corners = {0: 0.0, 90: -1.0, 180: -2.0, 270: -2.0, 360: -3.0, 450: -3.0, 540: -3.0, 720: -5.0}
+    for degrees, wanted in corners.items():
+        assert np.interp(math.radians(degrees), angle, z) == pytest.approx(wanted * MM, abs=1e-9)
+    turns = (angle[-33:] - angle[-33]) / (2.0 * math.pi)
+    assert z[-33:] == pytest.approx(-5 * MM - (2.0 * turns + 0.5 * turns**2) * MM)
+    assert z[-1] == pytest.approx(-8 * MM)
 
 
 @pytest.mark.parametrize(("change", "words"), [

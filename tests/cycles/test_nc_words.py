@@ -179,7 +179,11 @@ def test_spindle_words() -> None:
 @pytest.mark.parametrize(("text", "words"), [
     ("T0101\nG76 P010055\nG76 X18. Z-30. P1. Q.3 F2.", "tool's own angle is 60"),
     ("G96 S100\nG32 Z-30. F2.", "write G97"), ("M41", "belongs to the machine"),
-    ("G0 X20.0005", "finer than the least input increment")])
+    ("G0 X20.0005", "finer than the least input increment"),
+    ("G32 Z-3. F2.\nS700\nG32 Z-9.", "waits for the one-turn signal anew"),
+    ("G32 Z-3. F2.\nG4 P100\nG32 Z-9.", "waits for the one-turn signal anew"),
+    ("G92 X20. Z-9. F2.\nM4\nX19.", "pass 2 turns the other way than pass 1 in the same groove"),
+    ("G92 X20. Z-9. F2.\nS700\nX19.", "passes 1 and 2 cut one groove at 500 and 700 rpm")])
 def test_notes(text: str, words: str) -> None:
     notices = run(text, Setup(tool_angles={1: math.radians(60.0)})).notices
     assert any(words in notice.text for notice in notices)

@@ -107,7 +107,7 @@ def test_absolute_detector_needs_no_index() -> None:
 
 
 def test_waits_for_the_speed() -> None:
-    controller = ThreadingController(detector=0, z_position=0.006, x_position=0.012)
+    controller = ThreadingController(detector=0, z_position=0.006, x_position=0.012, position_width=0.0)
     controller.initialize()
     angle, speed = 0.0, 0.9 * controller.commanded_speed
     for n in range(600):
@@ -154,8 +154,9 @@ def test_acceleration_limit_holds_all_the_way() -> None:
 def test_age_of_the_angle_is_compensated(rpm: float) -> None:
     """A controller that is handed the angle of one period ago starts 7.5 to 22.5 um late, with compensation not."""
     def shift(age: float, compensate: bool) -> float:
-        controller = ThreadingController(detector=0, z_position=0.006, x_position=0.012, acceleration_limit=1e6,
-                                         commanded_speed=rpm / 60 * TURN, command_age=age, age_compensation=compensate)
+        controller = ThreadingController(detector=0, z_position=0.006, x_position=0.012, position_width=0.0,
+                                         acceleration_limit=1e6, commanded_speed=rpm / 60 * TURN, command_age=age,
+                                         age_compensation=compensate)
         controller.initialize()
         for n in range(2000):
             controller.spindle_angle = rpm / 60 * TURN * (n * 1e-3)  # the angle at the beginning of the step
@@ -185,7 +186,7 @@ def test_parameters_that_make_no_thread_are_refused(parameters: dict[str, Any], 
 def test_control_is_the_same_for_any_communication_step() -> None:
     """Instants k * period, inputs interpolated in between: equal commands at 0.5, 1 and 4 ms for a steady spindle."""
     def command(step_size: float) -> float:
-        controller = ThreadingController(detector=0, z_position=0.006, x_position=0.012)
+        controller = ThreadingController(detector=0, z_position=0.006, x_position=0.012, position_width=0.0)
         controller.initialize()
         for n in range(round(1.2 / step_size)):
             controller.spindle_angle = controller.commanded_speed * (n + 1) * step_size

@@ -53,6 +53,19 @@ def test_all_passes_lie_on_one_helix_of_counts() -> None:
         assert abs(math.remainder(one["start_angle"][0] - 2.0, TURN)) <= 0.5 * COUNT
 
 
+@settings(deadline=None, max_examples=15)
+@given(start=st.floats(0.0, 6.28) | st.integers(-3, 3).map(lambda counts: counts % COUNTS * COUNT),
+       rpm=st.floats(60.0, 900.0))
+def test_the_helix_starts_at_the_commanded_angle_within_one_count(start: float, rpm: float) -> None:
+    """Half a count by rounding the start, half by reading the angle; just before or after the index it is the same."""
+    run = commanded(controller_of(detector=1, first_start_angle=start, commanded_speed=rpm / 60.0 * TURN, **SHORT))
+    (one,) = run.passes
+    turned = one["angle"][1:-1] - (3e-3 - one["z_command"][1:-1]) / LEAD * TURN - start
+    errors = [math.remainder(value, TURN) for value in turned]
+    assert abs(np.mean(errors)) <= 1.05 * COUNT  # the mean over few periods is not quite that over all counts
+    assert max(map(abs, errors)) <= 1.5 * COUNT + 1e-9
+
+
 @settings(deadline=None, max_examples=40)
 @given(height=st.integers(200, 2000), first=st.integers(50, 900), least=st.integers(0, 120),
        allowance=st.integers(0, 150), finishing_passes=st.integers(0, 4), clamping=st.sampled_from([0, 1]),

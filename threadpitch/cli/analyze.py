@@ -4,43 +4,44 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
-from threadpitch.cli import log_options
-from threadpitch.cli.judging import Judged, find, findings_document, show_findings
+from threadpitch.cli import log_options, store_options
+from threadpitch.cli.judging import Findings, Judged, find, findings_document, show_findings
+from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
+from threadpitch.cli.log_options import LogOptions
 from threadpitch.cli.options import AsJson, StartAngles, number, radians
 from threadpitch.cli.printing import counting, fail, print_json, printing
 from threadpitch.judgement import ControlTrace, JudgementError
 from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch_table, pitch_tables, stream_pitches
+from threadpitch.runs import Labels
 from threadpitch.tables import analysis_document, show_groups
 from threadpitch.trace import ColumnChoice, Signals, read_groups
 from threadpitch.trace.text_rows import STANDARD_INPUT
+from threadpitch.units import to_si
 
 CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 
 
+@log_options.with_log_options
 def analyze(
     log: Annotated[Path, typer.Argument(
         metavar="LOG", help="Log of a machine: CSV and other text (plain, .gz, or - for standard input), Parquet, "
                             "HDF5, MAT, TDMS, MDF.")],
-    angle: log_options.Angle = None,
-    position: log_options.Position = None,
-    angle_unit: log_options.AngleUnit = None,
-    position_unit: log_options.PositionUnit = None,
-    counts_per_turn: log_options.CountsPerTurn = None,
-    group: log_options.GroupColumn = None,
-    time: log_options.TimeColumn = None,
-    angle_wrap: log_options.AngleWrap = None,
-    position_wrap: log_options.PositionWrap = 0.0,
-    screw_lead: log_options.ScrewLead = None,
-    gear_ratio: log_options.GearRatio = 1.0,
-    position_counts_per_turn: log_options.PositionCounts = None,
-    latency: log_options.Latency = 0.0,
+    of_log: LogOptions,
+    index_enable: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="A pass begins where this column falls, and ends with the synchronous motion.")] = None,
+    synchronous: Annotated[bool, typer.Option(
+        "--synchronous", help="Passes are where the feed moves in step with the spindle (by --target, if given).")]
+    = False,
+    latency: Annotated[float, typer.Option(
+        metavar="MS|estimate", parser=log_options.latency,
+        help="The position was recorded so many ms later than the angle.")] = 0.0,
     outlier: Annotated[float | None, typer.Option(
         metavar="MM", parser=number,
         help="Put single positions that stick out by more than this between their neighbours.")] = None,
@@ -74,33 +75,92 @@ def analyze(
     expected_lag: Annotated[float | None, typer.Option(
         metavar="MS", parser=number, help="(1 - feedforward)/Kv + Td of the feed drive, which the lag that is found in "
                                           "the log is compared with.")] = None,
+    store: store_options.Keep = None,
+    machine: store_options.Machine = "",
+    program_name: store_options.ProgramName = "",
+    serial: store_options.SerialNumber = "",
+    note: store_options.Note = "",
     as_json: AsJson = False,
 ) -> None:
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
-    asked = Judged(measured, target, uncertainty, screw_lead if ball_screw is None else ball_screw, thread, limit,
-                   engagement, expected_lag)
-    choice = ColumnChoice(angle, position, angle_unit, position_unit, group, time, counts_per_turn)
-    signals = Signals(angle_wrap, position_wrap, None if screw_lead is None else 1e-3 * screw_lead, gear_ratio,
-                      position_counts_per_turn, latency, None if outlier is None else 1e-3 * outlier)
+    screw = of_log.screw_lead if ball_screw is None else ball_screw
+    asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement, expected_lag)
+    choice = of_log.choice(index_enable)
+    signals = of_log.signals(latency=latency, outlier=None if outlier is None else 1e-3 * outlier,
+                             synchronous=synchronous, lead=None if target is None else 1e-3 * target)
     starts = radians(start_angle or [0.0])
     interval = None if sample_interval is None else math.radians(sample_interval)
-    groups: Sequence[GroupPitch | StreamedPitch]
     if crossing not in CROSSINGS:
         fail(f"crossing {crossing!r} is not known; choose {' or '.join(CROSSINGS)}")
-    if interval is not None and (crossing != "linear" or signals.needs_the_whole):
+    reading = Reading(log, choice, signals, tuple(starts), interval, crossing)
+    if interval is not None and reading.whole:
         fail("positions stored at an interval are of linear crossings of signals as they are; leave out an option")
-    if signals.needs_the_whole or crossing != "linear":
-        groups = pitch_tables(log, choice, starts, signals, CROSSINGS[crossing])
-    else:
-        with counting("reading") as told:
-            groups = stream_pitches(log, choice, starts, signals, interval=interval, told=told)
-    found = find(groups, asked, lambda: _recording(log, choice, signals, following_error))
+    kept = Asked(store, Labels(machine, program_name, thread or "", serial, note))
+    with keeping_run(kept, "log", str(log)) as keeper:
+        groups = _groups(reading, keeper)
+        found = find(groups, asked, lambda: _recording(log, choice, signals, following_error))
+        stored: dict[str, object] = {}
+        try:
+            if keeper is not None:
+                stored = keeper.finish_log(groups, found, reading.described())
+        finally:  # what was found is told, whatever becomes of the store
+            _show(Shown(groups, found, stored, None if target is None else to_si(target, "mm")), as_json)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a log is read."""
+
+    log: Path
+    choice: ColumnChoice
+    signals: Signals
+    start_angles: tuple[float, ...]  # rad
+    interval: float | None  # rad
+    crossing: str
+
+    @property
+    def whole(self) -> bool:
+        """Whether the log must be in memory."""
+        return self.signals.needs_the_whole or self.choice.index_enable is not None or self.crossing != "linear"
+
+    def described(self) -> dict[str, object]:
+        """As JSON, SI."""
+        return {"choice": asdict(self.choice), "signals": asdict(self.signals), "start_angles": self.start_angles,
+                "sample_interval": self.interval, "crossing": self.crossing}
+
+
+def _groups(reading: Reading, keeper: Keeper | None) -> Sequence[GroupPitch | StreamedPitch]:
+    log, choice, starts, signals = reading.log, reading.choice, reading.start_angles, reading.signals
+    if reading.whole:
+        found = pitch_tables(log, choice, starts, signals, CROSSINGS[reading.crossing])
+        if keeper is not None:
+            for group in found:
+                keeper.sample(group.label, group.trace)
+        return found
+    with counting("reading") as told:
+        return stream_pitches(log, choice, starts, signals, interval=reading.interval, told=told,
+                              taken=None if keeper is None else keeper.sample)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What is printed of a log."""
+
+    groups: Sequence[GroupPitch | StreamedPitch]
+    found: Findings
+    stored: dict[str, object]
+    target: float | None  # m
+
+
+def _show(shown: Shown, as_json: bool) -> None:
     with printing():
         if as_json:
-            print_json(analysis_document(groups) | findings_document(found))
+            print_json(analysis_document(shown.groups) | findings_document(shown.found) | shown.stored)
         else:
-            show_groups(Console(), groups)
-            show_findings(Console(), found)
+            show_groups(Console(), shown.groups, target=shown.target)
+            show_findings(Console(), shown.found)
+            if shown.stored:
+                print(stored_line(shown.stored))
 
 
 def _recording(log: Path, choice: ColumnChoice, signals: Signals, following_error: str | None) -> ControlTrace:

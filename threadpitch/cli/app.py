@@ -20,10 +20,12 @@ from threadpitch.cli.approach import approach
 from threadpitch.cli.build import build
 from threadpitch.cli.check import check
 from threadpitch.cli.cycle import cycle
-from threadpitch.cli.options import SEVERAL
+from threadpitch.cli.options import ADDRESS, SEVERAL, STORE
 from threadpitch.cli.printing import complain, printing
+from threadpitch.cli.report import report
 from threadpitch.cli.resume import resume
 from threadpitch.cli.run import run
+from threadpitch.cli.store import store
 from threadpitch.cli.watch import watch
 from threadpitch.cosim.interrupt import Terminated, end_in_order
 from threadpitch.cycles import CycleError
@@ -32,21 +34,24 @@ from threadpitch.judgement import JudgementError
 from threadpitch.parameters import ParameterFileError
 from threadpitch.pitch import PitchError
 from threadpitch.program_parameters import OperationError
+from threadpitch.report.content import ReportError
 from threadpitch.report.figure import PlotError
+from threadpitch.store import DEFAULT, StoreError
 from threadpitch.tolerance import ToleranceError
 from threadpitch.trace import TraceError
 from threadpitch.units import UnitError
 
 _KNOWN_ERRORS = (ApproachError, cosim.CosimError, lathe.LatheError, BuildError, CycleError, JudgementError, ModelError,
-                 OperationError, ParameterFileError, PitchError, PlotError, ToleranceError, TraceError, UnitError,
-                 OSError)
+                 OperationError, ParameterFileError, PitchError, PlotError, ReportError, StoreError, ToleranceError,
+                 TraceError, UnitError, OSError)
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
                   context_settings={"help_option_names": ["-h", "--help"]},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
-for _command in (run, resume, check, analyze, watch, build, cycle, approach):
+for _command in (run, resume, check, analyze, watch, build, cycle, approach, report):
     app.command()(_command)
+app.add_typer(store, name="store")
 
 
 @app.callback(invoke_without_command=True)
@@ -91,12 +96,17 @@ def invoke(arguments: Sequence[str]) -> int:
 
 
 def _one_value_each(arguments: Sequence[str]) -> list[str]:
-    """``--start-angle 0 90`` as ``--start-angle 0 --start-angle 90``: several values may follow one option."""
+    """``--start-angle 0 90`` as ``--start-angle 0 --start-angle 90``: several values may follow one option.
+
+    ``--store`` alone is ``--store default``.
+    """
     expanded: list[str] = []
     option = ""
     for number, argument in enumerate(arguments):
         if argument == "--":
-            return [*expanded, *arguments[number:]]
+            return [*expanded, *([DEFAULT] if expanded and expanded[-1] == STORE else []), *arguments[number:]]
+        if expanded and expanded[-1] == STORE and not re.fullmatch(ADDRESS, argument):
+            expanded.append(DEFAULT)
         follows = bool(option) and re.fullmatch(SEVERAL[option], argument) is not None
         if follows and expanded[-1] != option:
             expanded.append(option)
@@ -104,7 +114,7 @@ def _one_value_each(arguments: Sequence[str]) -> list[str]:
             name = argument.partition("=")[0]
             option = name if name in SEVERAL else ""
         expanded.append(argument)
-    return expanded
+    return [*expanded, DEFAULT] if expanded and expanded[-1] == STORE else expanded
 
 
 def _file_message(error: OSError) -> str:

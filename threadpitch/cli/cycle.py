@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +10,16 @@ import typer
 from rich.console import Console
 
 from threadpitch import cycles
-from threadpitch.cli.options import AsJson, Dialect, Starts, Waiting, indexing, number
+from threadpitch.cli.options import (
+    AsJson,
+    Dialect,
+    Increments,
+    Starts,
+    Waiting,
+    increment_system,
+    indexing,
+    number,
+)
 from threadpitch.cli.printing import fail, print_json, printing, remark
 from threadpitch.report.cycle_plot import plot_cycle
 from threadpitch.units import from_si, to_si
@@ -29,8 +37,7 @@ def cycle(
     at: Annotated[str | None, typer.Option(
         metavar="X,Z", help="Start point in mm, X as diameter.", show_default="clear of an external thread")] = None,
     dialect: Dialect = cycles.TOMATECH.name,
-    increments: Annotated[str, typer.Option(
-        metavar="IS-B|IS-C", help="Least input increment: 0.001 or 0.0001 mm.")] = cycles.IncrementSystem.IS_B.value,
+    increments: Increments = cycles.IncrementSystem.IS_B.value,
     starts: Starts = 1,
     wait: Waiting = "once",
     speed: Annotated[float | None, typer.Option(
@@ -39,8 +46,8 @@ def cycle(
         metavar="M/MIN", parser=number, help="Largest feed of an axis; a warning tells which pass exceeds "
                                              "it.")] = AXIS_SPEED,
     parameters: Annotated[Path | None, typer.Option(
-        metavar="FILE", help="The control's parameters 019, 057 to 060, 106, 253; what the cycle rewrites is "
-                             "kept there.")] = None,
+        "--parameters", "--control", metavar="FILE",
+        help="The control's parameters 019, 057 to 060, 106, 253; what the cycle rewrites is kept there.")] = None,
     moves: Annotated[bool, typer.Option(
         "--moves", metavar="", help="Print the canonical moves instead of the passes.")] = False,
     plot: Annotated[Path | None, typer.Option(
@@ -52,7 +59,7 @@ def cycle(
         fail("give either the blocks of a cycle, each in quotes, or --program FILE")
     kept = cycles.ParameterFile(parameters) if parameters is not None else None
     setup = cycles.Setup(
-        dialect=cycles.dialect_named(dialect), increments=_increments(increments), starts=starts,
+        dialect=cycles.dialect_named(dialect), increments=increment_system(increments), starts=starts,
         indexing=indexing(wait), parameters=kept.read() if kept else cycles.ControlParameters(),
         position=cycles.start_point(at) if at is not None else None,
         spindle_speed=None if speed is None else _turning(speed))
@@ -84,18 +91,9 @@ def _turning(speed: float) -> float:
     return to_si(speed, "rpm")
 
 
-def _increments(name: str) -> cycles.IncrementSystem:
-    known = {one.value: one for one in cycles.IncrementSystem}
-    found = known.get(name.upper()) or known.get(f"IS-{name.upper()}")
-    if found is None:
-        near = difflib.get_close_matches(name.upper(), known, n=1) or list(known)
-        fail(f"increment system {name!r} is not known; choose {' or '.join(near)}")
-    return found
-
-
 def _show(result: cycles.Interpretation) -> None:
     console = Console(width=max(TABLE_WIDTH, Console().width))
-    console.print(cycles.cycle_table(result.passes))
+    console.print(cycles.cycle_table(result.passes, result.moves))
     final = cycles.final_flank(result.passes)
     if len(final) == 1:
         console.print(f"Pass {final[0]} makes the final flank.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -28,6 +28,7 @@ from threadpitch.judgement import (
 )
 from threadpitch.judgement.measured_file import read_measured
 from threadpitch.pitch import GroupPitch, StreamedPitch
+from threadpitch.sparkline import verdict_line
 from threadpitch.tables import printable
 from threadpitch.tolerance import PitchConformity, Thread, parse_thread, pitch_conformity
 from threadpitch.units import from_si, to_si
@@ -54,6 +55,8 @@ class Findings:
     group: str
     verdict: Verdict | None
     tolerances: tuple[tuple[str, PitchConformity], ...]  # (of what, how it keeps to its tolerance)
+    measured: tuple[MeasuredThread, ...] = ()
+    target: float | None = None  # m, where it is known
     control: ControlParts | None = None  # where in the control, where the log tells it
     why_not: str = ""
 
@@ -75,9 +78,11 @@ def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged, recording:
     measured = [] if asked.measured is None else read_measured(asked.measured)
     verdict = _verdict(group, measured, thread, asked) if measured else None
     tolerances = tuple(_tolerances(group, measured, thread, asked)) if thread else ()
+    known = Findings(group.label, verdict, tolerances, tuple(measured), _target(thread, asked))
     if verdict is None:
-        return Findings(group.label, None, tolerances)
-    return Findings(group.label, verdict, tolerances, *_where_in_the_control(verdict, group, thread, asked, recording))
+        return known
+    control, why_not = _where_in_the_control(verdict, group, known.target or 0.0, asked, recording)
+    return replace(known, control=control, why_not=why_not)
 
 
 def findings_document(found: Findings) -> dict[str, object]:
@@ -95,6 +100,7 @@ def show_findings(console: Console, found: Findings) -> None:
     """The verdict and the tolerances as text."""
     if found.verdict is not None:
         console.print(Text(f"Verdict on the measured pitches, against group {printable(found.group)}", style="bold"))
+        console.print(verdict_line(found.verdict.cause, printable(found.verdict.sentence)))
         for line in _verdict_lines(found.verdict):
             console.print(Text(printable(line)), soft_wrap=False)
         for line in _control_lines(found):
@@ -105,21 +111,22 @@ def show_findings(console: Console, found: Findings) -> None:
             console.print(Text(line))
 
 
-def _target(thread: Thread | None, asked: Judged) -> float:
-    if asked.target_mm is not None:
-        return to_si(asked.target_mm, "mm")
-    if thread is None:
-        fail("the target of the pitch is not known; give --target in mm, or --thread like M20x1.5-6g")
-    return thread.lead
-
-
 def _verdict(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], thread: Thread | None,
              asked: Judged) -> Verdict:
-    return judge(group.table, measured, target=_target(thread, asked), uncertainty=_si(asked.uncertainty_um, "um"),
+    target = _target(thread, asked)
+    if target is None:
+        fail("the target of the pitch is not known; give --target in mm, or --thread like M20x1.5-6g")
+    return judge(group.table, measured, target=target, uncertainty=_si(asked.uncertainty_um, "um"),
                  screw_lead=_si(asked.screw_lead_mm, "mm"))
 
 
-def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, thread: Thread | None, asked: Judged,
+def _target(thread: Thread | None, asked: Judged) -> float | None:
+    if asked.target_mm is not None:
+        return to_si(asked.target_mm, "mm")
+    return None if thread is None else thread.lead
+
+
+def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, target: float, asked: Judged,
                           recording: Recording) -> tuple[ControlParts | None, str]:
     """(parts of the nominal pitches, "") over the turns that were measured, or (None, why not)."""
     lag = asked.expected_lag_ms
@@ -127,7 +134,7 @@ def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, t
         fail(f"expected lag {lag:g} ms is not positive; give (1 - feedforward)/Kv + Td, like 20")
     first = 1.0 if math.isnan(verdict.evidence.span[0]) else verdict.evidence.span[0]
     try:
-        return control_parts(recording(), _target(thread, asked), start_angle=float(group.table.start_angles[0]),
+        return control_parts(recording(), target, start_angle=float(group.table.start_angles[0]),
                              expected=None if lag is None else ExpectedLag(1e3 / lag), first_turn=int(first)), ""
     except JudgementError as error:
         return None, str(error)
@@ -169,7 +176,7 @@ def _si(value: float | None, unit: str) -> float | None:
 
 
 def _verdict_lines(verdict: Verdict) -> list[str]:
-    lines = [verdict.sentence, *(f"  - {line}" for line in verdict.advice), *_evidence_lines(verdict.evidence)]
+    lines = [*(f"  - {line}" for line in verdict.advice), *_evidence_lines(verdict.evidence)]
     lines += [f"Note: {note}" for note in verdict.notes]
     for number, row in enumerate(verdict.rows, start=1):
         lines.append(f"Measured row {number}: {row.sentence}")

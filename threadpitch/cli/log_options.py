@@ -1,53 +1,98 @@
-"""Options that say what the columns of a log are; ``analyze`` and ``watch`` share them."""
+"""Options that say what the columns of a log are, and what its signals are; ``analyze`` and ``watch`` share them.
+
+A command takes them as one parameter: ``@with_log_options`` puts the fields of ``LogOptions`` in its place, for the
+command line, and gives the command a ``LogOptions``.
+"""
 
 from __future__ import annotations
 
+import functools
+import inspect
 import math
-from typing import Annotated
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from threadpitch.cli.options import number
+from threadpitch.trace import ColumnChoice, Signals
 
-Angle = Annotated[str | None, typer.Option(
-    "--angle", metavar="COLUMN", help="Column of the spindle's angle: its name, or its number from 1.",
-    show_default="by its name")]
-Position = Annotated[str | None, typer.Option(
-    "--position", metavar="COLUMN", help="Column of the feed's position.", show_default="by its name")]
-AngleUnit = Annotated[str | None, typer.Option(
-    "--angle-unit", metavar="rev|deg|rad|count", help="Unit of the angle.", show_default="of the header, else rev")]
-PositionUnit = Annotated[str | None, typer.Option(
-    "--position-unit", metavar="mm|m|um|inch", help="Unit of the position; with --screw-lead rev, deg, rad or count.",
-    show_default="of the header, else mm")]
-CountsPerTurn = Annotated[float | None, typer.Option(
-    "--counts-per-turn", metavar="N", parser=number,
-    help="Counts per turn, for --angle-unit count: lines of the encoder times 4.")]
-GroupColumn = Annotated[str | None, typer.Option(
-    "--group", metavar="COLUMN", help="Column that parts the passes; rows with 0, false or nothing in it are left out.",
-    show_default="by its name, where the angle is too")]
-TimeColumn = Annotated[str | None, typer.Option(
-    "--time", metavar="COLUMN", help="Column of the time.", show_default="by its name")]
-AngleWrap = Annotated[float | None, typer.Option(
-    "--angle-wrap", metavar="PERIOD", parser=number, show_default="found",
-    help="Where a wrapped angle begins again, in its unit: 360, 65536, ...; 0 = never.")]
-PositionWrap = Annotated[float, typer.Option(
-    "--position-wrap", metavar="PERIOD", parser=number,
-    help="Where a wrapped position begins again, in its unit; 0 = never.")]
-ScrewLead = Annotated[float | None, typer.Option(
-    "--screw-lead", metavar="MM", parser=number,
-    help="The position is the angle of a motor that drives a screw of this lead.")]
-GearRatio = Annotated[float, typer.Option(
-    "--gear-ratio", metavar="R", parser=number, help="Turns of the motor per turn of the screw.")]
-PositionCounts = Annotated[float | None, typer.Option(
-    "--position-counts-per-turn", metavar="N", parser=number,
-    help="Counts per turn of the motor, for --position-unit count.")]
+_MM = 1e-3  # m
+
+
+@dataclass(frozen=True)
+class LogOptions:
+    """The options in their units, mm and degrees."""
+
+    angle: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="Column of the spindle's angle: its name, or its number from 1.",
+        show_default="by its name")] = None
+    position: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="Column of the feed's position.", show_default="by its name")] = None
+    angle_unit: Annotated[str | None, typer.Option(
+        metavar="rev|deg|rad|count", help="Unit of the angle.", show_default="of the header, else rev")] = None
+    position_unit: Annotated[str | None, typer.Option(
+        metavar="mm|m|um|inch", help="Unit of the position; with --screw-lead rev, deg, rad or count.",
+        show_default="of the header, else mm")] = None
+    counts_per_turn: Annotated[float | None, typer.Option(
+        metavar="N", parser=number,
+        help="Counts per turn, for --angle-unit count: lines of the encoder times 4.")] = None
+    angle_b: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="The angle is level A of an encoder, this column is its level B: counted.")] = None
+    index: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="One-turn pulse of the encoder with levels A and B.")] = None
+    group: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="Column that parts the passes; rows with 0, false or nothing in it are left out.",
+        show_default="by its name, where the angle is too")] = None
+    time: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="Column of the time.", show_default="by its name")] = None
+    angle_wrap: Annotated[float | None, typer.Option(
+        metavar="PERIOD", parser=number, show_default="found",
+        help="Where a wrapped angle begins again, in its unit: 360, 65536, ...; 0 = never.")] = None
+    position_wrap: Annotated[float, typer.Option(
+        metavar="PERIOD", parser=number,
+        help="Where a wrapped position begins again, in its unit; 0 = never.")] = 0.0
+    screw_lead: Annotated[float | None, typer.Option(
+        metavar="MM", parser=number,
+        help="The position is the angle of a motor that drives a screw of this lead.")] = None
+    gear_ratio: Annotated[float, typer.Option(
+        metavar="R", parser=number, help="Turns of the motor per turn of the screw.")] = 1.0
+    position_counts_per_turn: Annotated[float | None, typer.Option(
+        metavar="N", parser=number, help="Counts per turn of the motor, for --position-unit count.")] = None
+
+    def choice(self, index_enable: str | None = None) -> ColumnChoice:
+        """Which columns are which."""
+        return ColumnChoice(self.angle, self.position, self.angle_unit, self.position_unit, self.group, self.time,
+                            self.counts_per_turn, self.angle_b, self.index, index_enable)
+
+    def signals(self, **more: Any) -> Signals:
+        """What the signals are; ``more`` of them, SI."""
+        lead = None if self.screw_lead is None else _MM * self.screw_lead
+        return Signals(self.angle_wrap, self.position_wrap, lead, self.gear_ratio, self.position_counts_per_turn,
+                       **more)
+
+
+def with_log_options(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with a parameter ``of_log: LogOptions`` -> one with the options of a log in its place."""
+    hints = get_type_hints(LogOptions, include_extras=True)
+    options = [inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default,
+                                 annotation=hints[one.name]) for one in fields(LogOptions)]
+    own = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+           for one in inspect.signature(command, eval_str=True).parameters.values()]
+    place = next(i for i, one in enumerate(own) if one.name == "of_log")
+
+    @functools.wraps(command)
+    def taking(**given: Any) -> None:
+        of_log = LogOptions(**{one.name: given.pop(one.name) for one in options})
+        command(of_log=of_log, **given)
+
+    parameters = [*own[:place], *options, *own[place + 1 :]]
+    taking.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined] # what inspect looks at first
+    taking.__annotations__ = {one.name: one.annotation for one in parameters}
+    return taking
 
 
 def latency(text: str) -> float:
     """Seconds of a latency in ms; NaN for ``estimate``."""
     return math.nan if text == "estimate" else 1e-3 * number(text)
-
-
-Latency = Annotated[float, typer.Option(
-    "--latency", metavar="MS|estimate", parser=latency,
-    help="The position was recorded so many ms later than the angle.")]

@@ -26,6 +26,10 @@ SEVERAL = {
     "--platform": r"(linux|win|darwin)(64|-arm64)|(x86_64|aarch64)-[a-z]+",
 }
 
+STORE = "--store"
+# What may follow --store; anything else is the next argument, as in `threadpitch run --store models/threading_lathe`
+ADDRESS = r"default|[a-z+]+://.*|[^-].*\.(db|sqlite3?)"
+
 
 def number(text: str) -> float:
     """The finite number that a text states."""
@@ -80,6 +84,11 @@ Measure = Annotated[list[str] | None, typer.Option(
     help="Measure the thread that was cut, with errors of its own, into measured.csv, and judge that: "
          "uncertainty=1um of one pitch, every=1 (so many-th turn), points=4 around it, "
          "flanks=both|negative_z|positive_z|middle, seed=0.")]
+Increments = Annotated[str, typer.Option(
+    "--increments", metavar="IS-B|IS-C", help="Least input increment of the program: 0.001 or 0.0001 mm.")]
+Control = Annotated[Path | None, typer.Option(
+    "--control", metavar="FILE", help="The control's parameters 019, 057 to 060, 106, 253 for --program; what it "
+                                      "rewrites is kept there.")]
 Flavor = Annotated[str | None, typer.Option(
     metavar="native|python", help="Kind of FMUs that are built: native code, or Python by PythonFMU.",
     show_default="native where a C compiler is found")]
@@ -97,6 +106,19 @@ def indexing(name: str) -> cycles.Indexing:
     if name not in known:
         raise cycles.CycleError(f"--wait {name!r} is not known; choose {' or '.join(known)}")
     return known[name]
+
+
+def increment_system(name: str) -> cycles.IncrementSystem:
+    """What ``--increments`` names, with or without IS-.
+
+    Raises:
+        CycleError: it is not known.
+    """
+    known = {one.value: one for one in cycles.IncrementSystem}
+    found = known.get(name.upper()) or known.get(f"IS-{name.upper()}")
+    if found is None:
+        raise cycles.CycleError(f"increment system {name!r} is not known; choose {' or '.join(known)}")
+    return found
 
 
 def radians(degrees: Sequence[float]) -> list[float]:

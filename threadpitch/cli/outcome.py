@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.text import Text
 
 from threadpitch import cosim, lathe
+from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
 from threadpitch.cli.printing import BAD_INPUT, complain, fail, print_json, printing
 from threadpitch.diagnosis import Diagnosis, diagnose, diagnosis_document, diagnosis_lines
 from threadpitch.judgement import JudgementError
@@ -20,7 +21,6 @@ from threadpitch.run_folder import run_document, save_run
 from threadpitch.tables import show_pass
 
 DEFAULT_OUTPUT = "threadpitch-run"
-
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,15 +32,19 @@ class Done:
     files: list[Path]
 
 
-def finish(simulation: lathe.Simulation, output: Path, plan: MeasuringPlan | None, as_json: bool) -> None:
-    """Save a simulation that came to its end, and print what it found."""
-    done = save(simulation, output, plan)
-    with printing():
-        if as_json:
-            print_json(run_document(simulation, done.found))
-        else:
-            _show(done)
-    _warn(simulation)
+def finish(done: Done, as_json: bool, keeper: Keeper | None = None) -> None:
+    """Keep a simulation that came to its end and is saved, where that is wanted, and print what it found."""
+    stored: dict[str, object] = {}
+    try:
+        if keeper is not None:
+            stored = keeper.finish_simulation(done.simulation)
+    finally:  # what was found is told, whatever becomes of the store
+        with printing():
+            if as_json:
+                print_json(run_document(done.simulation, done.found) | stored)
+            else:
+                _show(done, stored)
+        _warn(done.simulation)
 
 
 def save(simulation: lathe.Simulation, output: Path, plan: MeasuringPlan | None) -> Done:
@@ -58,16 +62,24 @@ def save(simulation: lathe.Simulation, output: Path, plan: MeasuringPlan | None)
     return Done(simulation, found, save_run(simulation, output, found))
 
 
-def finish_program(done: Sequence[Done], as_json: bool) -> None:
-    """Print what the operations of a program found; their files are saved."""
-    with printing():
-        if as_json:
-            print_json(_program_document(done))
-        else:
-            for one in done:
-                _show(one)
-    for one in done:
-        _warn(one.simulation)
+def finish_program(done: Sequence[Done], as_json: bool, asked: Asked, source: str) -> None:
+    """Print what the operations of a program found, and keep each where that is wanted; their files are saved."""
+    stored: list[dict[str, object]] = [{} for _ in done]
+    try:
+        for place, one in enumerate(done):
+            with keeping_run(asked, "simulation", f"{source}, operation {place + 1}") as keeper:
+                if keeper is not None:
+                    stored[place] = keeper.finish_simulation(one.simulation)
+    finally:
+        with printing():
+            if as_json:
+                kept = {"stored": [one["stored"] for one in stored]} if all(stored) else {}
+                print_json(_program_document(done) | kept)
+            else:
+                for one, place_kept in zip(done, stored, strict=True):
+                    _show(one, place_kept)
+        for one in done:
+            _warn(one.simulation)
 
 
 def _program_document(done: Sequence[Done]) -> dict[str, object]:
@@ -77,6 +89,7 @@ def _program_document(done: Sequence[Done]) -> dict[str, object]:
     passes = [one for document in documents for one in document["passes"]]  # type: ignore[attr-defined] # a list
     return {
         "passes": passes,
+        "alarm": next((simulation.alarm for simulation in simulations if simulation.alarm), None),
         "steps": sum(simulation.steps for simulation in simulations),
         "simulated_s": sum(simulation.simulated for simulation in simulations),
         "wall_s": sum(simulation.wall_time for simulation in simulations),
@@ -87,12 +100,12 @@ def _program_document(done: Sequence[Done]) -> dict[str, object]:
 
 
 def _warn(simulation: lathe.Simulation) -> None:
-    slow = simulation.axis_too_slow()
-    for warning in [*([slow] if slow else []), *simulation.result.warnings]:
+    told = [text for text in (simulation.alarm, simulation.axis_too_slow()) if text]
+    for warning in [*told, *simulation.result.warnings]:
         complain(f"warning: {warning}")
 
 
-def _show(done: Done) -> None:
+def _show(done: Done, stored: dict[str, object]) -> None:
     console, simulation, saved = Console(), done.simulation, done.files
     for one in simulation.passes:
         show_pass(console, one)
@@ -108,6 +121,8 @@ def _show(done: Done) -> None:
     elsewhere = "" if result.path is None else f", results in {result.path}"
     print(f"{simulation.steps} steps, {simulation.simulated:g} s simulated in {simulation.wall_time:.2f} s with "
           f"{simulation.flavor} FMUs\nsaved in {saved[0].parent}: {', '.join(path.name for path in saved)}{elsewhere}")
+    if stored:
+        print(stored_line(stored))
 
 
 @contextlib.contextmanager

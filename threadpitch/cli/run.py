@@ -9,30 +9,36 @@ from typing import Annotated
 import typer
 
 from threadpitch import cycles, lathe
+from threadpitch.cli import store_options
+from threadpitch.cli.kept import Asked, check_store, keeping_run
 from threadpitch.cli.options import (
     AsJson,
     Assignments,
+    Control,
     Dialect,
     Flavor,
+    Increments,
     Measure,
     ParameterFiles,
     Replacements,
     StartAngles,
     Starts,
     Waiting,
+    increment_system,
     indexing,
     number,
     radians,
 )
-from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping
+from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping, save
 from threadpitch.cli.printing import fail, printing, progress
-from threadpitch.cli.program import run_program
+from threadpitch.cli.program import Job, run_program
 from threadpitch.cosim.values import Given
 from threadpitch.faults import fault_names, read_fault
 from threadpitch.measuring import read_plan
 from threadpitch.parameters import read_assignments, read_parameters
 from threadpitch.replacement import read_replacements
 from threadpitch.run_folder import check_folder
+from threadpitch.runs import Labels
 
 
 def run(
@@ -44,6 +50,8 @@ def run(
     dialect: Dialect = cycles.TOMATECH.name,
     starts: Starts = 1,
     wait: Waiting = "once",
+    increments: Increments = cycles.IncrementSystem.IS_B.value,
+    control: Control = None,
     assignments: Assignments = None,
     parameters: ParameterFiles = None,
     replace: Replacements = None,
@@ -76,6 +84,12 @@ def run(
     isolate: Annotated[list[str] | None, typer.Option(
         metavar="NAME ...", help="Components in processes of their own, whose crash ends the run in order; all for "
                                  "all.")] = None,
+    store: store_options.Keep = None,
+    machine: store_options.Machine = "",
+    program_name: store_options.ProgramName = "",
+    thread: store_options.ThreadName = "",
+    serial: store_options.SerialNumber = "",
+    note: store_options.Note = "",
     as_json: AsJson = False,
 ) -> None:
     """Simulate a lathe that cuts a thread, print the movement per revolution and where its fluctuation comes from."""
@@ -88,25 +102,35 @@ def run(
     values |= read_assignments(assignments or [])
     angles = None if start_angle is None else radians(start_angle)
     replaced = {**read_replacements(replace or [])}
-    machine = {} if chosen is None else chosen.parameters
+    faulty = {} if chosen is None else chosen.parameters
 
     def simulated(folder: Path, words: Mapping[str, Given], enough: float | None) -> lathe.Simulation:
         with keeping(folder, lathe.choose_flavor(flavor)), progress("simulating") as told:
             return lathe.simulate(
-                system, parameters={**machine, **words, **values}, start_angles=angles, step_size=step_size,
+                system, parameters={**faulty, **words, **values}, start_angles=angles, step_size=step_size,
                 flavor=flavor, stop_time=enough if stop_time is None else stop_time, record=record,
                 record_every=record_every, record_on=record_on or (), results=results, checkpoint=checkpoint,
                 checkpoint_every=checkpoint_every,
                 replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
 
+    cut = program_name or ("" if program is None else program.name)
+    kept = Asked(store, Labels(machine, cut, thread, serial, note))
     if program is None:
-        simulation = simulated(output, {}, None if chosen is None else chosen.stop_time)
-        if chosen is not None and not as_json:
-            with printing():
-                print(f"Fault {chosen.name} ({chosen.cause}): {chosen.description}\nSignature: {chosen.signature}\n")
-        finish(simulation, output, plan, as_json)
+        if control is not None:
+            fail("--control belongs to --program; for a run without one use --set controller.fluctuation_limit=0.1 and "
+                 "the like")
+        with keeping_run(kept, "simulation", system) as keeper:
+            simulation = simulated(output, {}, None if chosen is None else chosen.stop_time)
+            if chosen is not None and not as_json:
+                with printing():
+                    print(f"Fault {chosen.name} ({chosen.cause}): {chosen.description}\n"
+                          f"Signature: {chosen.signature}\n")
+            finish(save(simulation, output, plan), as_json, keeper)
         return
     if results is not None or checkpoint is not None:
         fail("--results and --checkpoint hold one simulation; a program is several: leave them out")
-    setup = cycles.Setup(dialect=cycles.dialect_named(dialect), starts=starts, indexing=indexing(wait))
-    finish_program(run_program(program, setup, simulated, output=output, plan=plan), as_json)
+    check_store(kept)
+    setup = cycles.Setup(dialect=cycles.dialect_named(dialect), starts=starts, indexing=indexing(wait),
+                         increments=increment_system(increments))
+    words = None if control is None else cycles.ParameterFile(control)
+    finish_program(run_program(Job(program, setup, words, plan), output, simulated), as_json, kept, str(program))

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from threadpitch.cli import log_options
+from threadpitch.cli.log_options import LogOptions, with_log_options
 from threadpitch.cli.options import AsJson, StartAngles, number, radians
 from threadpitch.cli.printing import printing
 from threadpitch.pitch import GroupStream, thread_pitch
@@ -19,29 +19,17 @@ from threadpitch.tables import printable
 from threadpitch.trace import TURN, ColumnChoice, Signals, watch_pieces
 
 
+@with_log_options
 def watch(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Text log that still grows; - for standard input.")],
-    angle: log_options.Angle = None,
-    position: log_options.Position = None,
-    angle_unit: log_options.AngleUnit = None,
-    position_unit: log_options.PositionUnit = None,
-    counts_per_turn: log_options.CountsPerTurn = None,
-    group: log_options.GroupColumn = None,
-    time: log_options.TimeColumn = None,
-    angle_wrap: log_options.AngleWrap = None,
-    position_wrap: log_options.PositionWrap = 0.0,
-    screw_lead: log_options.ScrewLead = None,
-    gear_ratio: log_options.GearRatio = 1.0,
-    position_counts_per_turn: log_options.PositionCounts = None,
+    of_log: LogOptions,
     start_angle: StartAngles = None,
     idle: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="End when the file has not grown for so long.", show_default="never")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Print each movement per revolution, with running minimum, maximum and mean, while the machine runs."""
-    choice = ColumnChoice(angle, position, angle_unit, position_unit, group, time, counts_per_turn)
-    signals = Signals(angle_wrap, position_wrap, None if screw_lead is None else 1e-3 * screw_lead, gear_ratio,
-                      position_counts_per_turn)
+    choice, signals = of_log.choice(), of_log.signals()
     starts = radians(start_angle or [0.0])
     thread_pitch([0.0, TURN, 2.0 * TURN], [0.0, 1.0, 2.0])  # what is compiled is loaded before the first sample comes
     try:

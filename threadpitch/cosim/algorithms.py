@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
 from threadpitch.cosim.errors import StepError
-from threadpitch.cosim.iteration import Loop, begin_iteration, relax, settled
+from threadpitch.cosim.iteration import Loop, add_column, begin_iteration, feed, fit, settled, unchanged
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.node import Node
 from threadpitch.cosim.schedule import Schedule
@@ -134,16 +134,20 @@ def _iterate(network: Network, loop: Loop, step: Step) -> None:
     for node in nodes:
         node.save()
     begin_iteration(iterates, loop, network.reals, network.octets)
-    omega = 1.0
+    columns = 0
     for sweep in range(1, network.method.iterations + 1):
         for node in nodes:
             if sweep > 1:
                 node.restore()
             _compute(node, step)
-        same = settled(iterates, loop, network.reals, network.octets, network.method.tolerance)
-        if same and sweep > 1:  # before, nobody has seen the others' values at t + h
+        rests = settled(iterates, loop, network.reals, network.method.tolerance)
+        same = unchanged(iterates, loop, network.octets)
+        if rests and same and sweep > 1:  # before, nobody has seen the others' values at t + h
             return
-        omega = relax(iterates, loop, network.reals, sweep, omega)
+        columns = add_column(iterates, loop, network.reals, sweep, columns)
+        if not same:  # other values make other equations
+            columns = 0
+        feed(iterates, loop, network.reals, fit(iterates, loop, sweep, columns))
     raise unsettled(network, loop, step.end)
 
 

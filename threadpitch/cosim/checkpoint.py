@@ -20,12 +20,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from threadpitch.cosim.block import Block, Blocks, Channels, Rows, Times
 from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.events import EventRecord
 from threadpitch.cosim.memory import Memory
 from threadpitch.cosim.metadata import differences
 from threadpitch.cosim.network import Network
-from threadpitch.cosim.recording import Block, Channels, MemoryRows, Recorder
+from threadpitch.cosim.recording import MemoryRows, Recorder
 
 _Bytes: TypeAlias = bytes | memoryview
 
@@ -88,10 +89,10 @@ class Checkpoint:
 
     def _block(self, name: str, channels: Channels) -> Block:
         count = len(self._member(f"{name}/time")) // 8
-        block = Block(channels, np.empty(count), channels.empty(count))
-        for member, array in _block_arrays(name, block):
+        times, rows = np.empty(count), channels.empty(count)
+        for member, array in _row_arrays(name, times, rows):
             self._fill(member, array)
-        return block
+        return Block.of_rows(channels, times, rows)
 
     def _fill(self, name: str, array: NDArray[Any]) -> None:
         found = np.frombuffer(self._member(name), np.uint8)
@@ -129,10 +130,11 @@ def write_checkpoint(path: Path, network: Network, metadata: Mapping[str, Any], 
     members |= {name: _raw(array) for name, array in _arrays("network", network.state)}
     members |= {f"state/{node.number}": node.instance.save_state() for node in network.nodes}
     for number, taking in enumerate(recorder.takings):
-        nothing = Block(taking.channels, np.empty(0), taking.channels.empty(0))
+        nothing = Blocks(taking.channels, ())
         kept = taking.sink.close() if isinstance(taking.sink, MemoryRows) else nothing
         for word, block in (("kept", kept), ("last", taking.last or nothing)):
-            members |= {name: _raw(array) for name, array in _block_arrays(f"rows/{number}/{word}", block)}
+            arrays = _row_arrays(f"rows/{number}/{word}", block.times, block.rows)
+            members |= {name: _raw(array) for name, array in arrays}
     _write(path, members | {_DIGEST: _digest(members).encode()})
 
 
@@ -206,7 +208,7 @@ def _arrays(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
             yield from _arrays(f"{name}/{field}", one)
 
 
-def _block_arrays(name: str, block: Block) -> Iterator[tuple[str, NDArray[Any]]]:
-    yield f"{name}/time", block.times
-    for width, rows in block.rows.items():
-        yield f"{name}/{width}", rows
+def _row_arrays(name: str, times: Times, rows: Rows) -> Iterator[tuple[str, NDArray[Any]]]:
+    yield f"{name}/time", times
+    for width, columns in rows.items():
+        yield f"{name}/{width}", columns

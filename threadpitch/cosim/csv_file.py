@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from threadpitch.cosim.block import Block, Channel, Channels, Column
 from threadpitch.cosim.errors import CosimError
-from threadpitch.cosim.recording import Block, Channel, Channels, Column
 
 _PIECE = 4096  # rows that are text at once
 
@@ -70,10 +70,11 @@ class CsvFile:
             self._file.write(header(channels))
             self._file.flush()
 
-    def take(self, block: Block) -> None:
-        """Append rows."""
+    def take(self, block: Block) -> bool:
+        """Append rows; the block itself is not kept."""
         self._file.writelines(lines(block))
         self._file.flush()
+        return False
 
     def position(self) -> dict[str, int]:
         """The size of the file, all of it on the disk."""

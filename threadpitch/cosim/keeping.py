@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from threadpitch.cosim.block import Channels
 from threadpitch.cosim.check import Plan
 from threadpitch.cosim.checkpoint import Checkpoint, CheckpointError, write_checkpoint
 from threadpitch.cosim.csv_file import CsvFile
@@ -16,7 +17,7 @@ from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.metadata import same_versions
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.parquet import ParquetFolder
-from threadpitch.cosim.recording import Channels, Recorder, Sink
+from threadpitch.cosim.recording import Recorder, Sink
 from threadpitch.cosim.result import Result
 from threadpitch.cosim.system import SystemStructureError
 

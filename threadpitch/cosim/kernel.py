@@ -25,6 +25,8 @@ from threadpitch.cosim.tables import (
     LOOP,
     NODE,
     NOT_A_NUMBER,
+    NOWHERE,
+    PIECE,
     RUN,
     STEP_FAILED,
     WATCH,
@@ -35,6 +37,7 @@ from threadpitch.cosim.tables import (
 )
 
 WARNING = 1  # the worst fmi2Status and fmi3Status of a call that did its work
+WORD = np.uint64(8)  # bytes
 BOOLEAN = 10  # code of the one-byte truth value in tables.TYPES
 
 compiled = compiled_by_numba()
@@ -94,15 +97,24 @@ def attach(at: Any) -> Any:
         Samples(carray(pointer(at[20, 0]), (np.int64(at[20, 1]),), np.int64),
                 carray(pointer(at[21, 0]), (np.int64(at[21, 1]), np.int64(at[21, 2])), np.float64),
                 carray(pointer(at[22, 0]), (np.int64(at[22, 1]), np.int64(at[22, 2])), np.float64)),
-        carray(pointer(at[23, 0]), (np.int64(at[23, 1]),), RUN),
-        carray(pointer(at[24, 0]), (np.int64(at[24, 1]),), LOOP),
+        carray(pointer(at[23, 0]), (np.int64(at[23, 1]),), PIECE),
+        carray(pointer(at[24, 0]), (np.int64(at[24, 1]),), RUN),
+        carray(pointer(at[25, 0]), (np.int64(at[25, 1]),), np.uint64),
+        carray(pointer(at[26, 0]), (np.int64(at[26, 1]),), LOOP),
         Iterates(
-            carray(pointer(at[25, 0]), (np.int64(at[25, 1]),), np.intp),
-            carray(pointer(at[26, 0]), (np.int64(at[26, 1]),), np.float64),
-            carray(pointer(at[27, 0]), (np.int64(at[27, 1]),), np.float64),
+            carray(pointer(at[27, 0]), (np.int64(at[27, 1]),), np.intp),
             carray(pointer(at[28, 0]), (np.int64(at[28, 1]),), np.float64),
-            carray(pointer(at[29, 0]), (np.int64(at[29, 1]),), np.intp),
-            carray(pointer(at[30, 0]), (np.int64(at[30, 1]),), np.uint8),
+            carray(pointer(at[29, 0]), (np.int64(at[29, 1]),), np.float64),
+            carray(pointer(at[30, 0]), (np.int64(at[30, 1]),), np.float64),
+            carray(pointer(at[31, 0]), (np.int64(at[31, 1]),), np.float64),
+            carray(pointer(at[32, 0]), (np.int64(at[32, 1]), np.int64(at[32, 2])), np.float64),
+            carray(pointer(at[33, 0]), (np.int64(at[33, 1]), np.int64(at[33, 2])), np.float64),
+            carray(pointer(at[34, 0]), (np.int64(at[34, 1]), np.int64(at[34, 2])), np.float64),
+            carray(pointer(at[35, 0]), (np.int64(at[35, 1]), np.int64(at[35, 2])), np.float64),
+            carray(pointer(at[36, 0]), (np.int64(at[36, 1]),), np.intp),
+            carray(pointer(at[37, 0]), (np.int64(at[37, 1]),), np.float64),
+            carray(pointer(at[38, 0]), (np.int64(at[38, 1]),), np.intp),
+            carray(pointer(at[39, 0]), (np.int64(at[39, 1]),), np.uint8),
         ),
     )
 
@@ -175,13 +187,50 @@ def transfer(tables: Tables, instance: int, first: int, last: int) -> Any:
 
 @inlined
 def record(tables: Tables, step: int, span: Span) -> None:
-    """Copy the recorded values into their row, if the communication point has one."""
+    """Note the row of the communication point, if it has one: pieces that have changed are copied behind the others."""
     if step % span.every != 0:
         return
-    row = np.uint64(step // span.every - span.drained)
-    for r in range(tables.runs.size):
+    row, count = step // span.every - span.drained, tables.pieces.size
+    places = carray(pointer(span.places + np.uint64(4 * row * count)), (count,), np.uint32)
+    for p in range(count):
+        piece = tables.pieces[p]
+        if tables.latest[p] == NOWHERE or changed(tables, piece, span.words + WORD * tables.latest[p]):
+            used = tables.latest[count]
+            for r in range(piece.first_run, piece.last_run):
+                run = tables.runs[r]
+                copy_bytes(span.words + WORD * used + run.target, run.source, run.count)
+            tables.latest[p] = used
+            tables.latest[count] = used + piece.words
+        places[p] = tables.latest[p]
+
+
+@inlined
+def changed(tables: Tables, piece: Any, latest: int) -> Any:
+    """Whether a value of the piece is another one, bit by bit, than in the latest row."""
+    different = np.uint64(0)
+    if piece.fixed != 0:
+        return False
+    for r in range(piece.first_run, piece.last_run):
         run = tables.runs[r]
-        copy_bytes(run.target + row * run.stride, run.source, run.count)
+        count = np.int64(run.count // WORD)
+        now, before = words_at(run.source, count), words_at(latest + run.target, count)
+        for n in range(count):
+            different |= now[n] ^ before[n]
+        for n in range(np.uint64(count) * WORD, run.count):
+            different |= octet(run.source + n) ^ octet(latest + run.target + n)
+    return different != 0
+
+
+@inlined
+def words_at(address: int, count: Any) -> Any:
+    """So many words that begin at an address."""
+    return carray(pointer(address), (count,), np.uint64)
+
+
+@inlined
+def octet(address: int) -> Any:
+    """The byte at an address."""
+    return np.uint64(carray(pointer(address), (1,), np.uint8)[0])
 
 
 @inlined

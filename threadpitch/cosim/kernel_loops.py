@@ -25,7 +25,10 @@ from threadpitch.cosim.tables import DONE, STATE_FAILED, UNSETTLED, End, Span, T
 
 begin_iteration = inlined(iteration.begin_iteration)
 settled = inlined(iteration.settled)
-relax = inlined(iteration.relax)
+unchanged = inlined(iteration.unchanged)
+add_column = inlined(iteration.add_column)
+fit = inlined(iteration.fit)
+feed = inlined(iteration.feed)
 
 
 @compiled
@@ -116,7 +119,7 @@ def iterate(tables: Tables, number: int, step: int, span: Span) -> Any:
         if what != DONE:
             return i, what, status
     begin_iteration(tables.iterates, loop, reals, octets)
-    omega = 1.0
+    columns = 0
     for sweep in range(1, span.iterations + 1):
         for i in range(loop.first, loop.last):
             if sweep > 1:
@@ -126,10 +129,14 @@ def iterate(tables: Tables, number: int, step: int, span: Span) -> Any:
             what, status = compute(tables, i, step, span)
             if what != DONE:
                 return i, what, status
-        same = settled(tables.iterates, loop, reals, octets, span.tolerance)
-        if same and sweep > 1:
+        rests = settled(tables.iterates, loop, reals, span.tolerance)
+        same = unchanged(tables.iterates, loop, octets)
+        if rests and same and sweep > 1:
             return loop.first, DONE, np.int64(0)
-        omega = relax(tables.iterates, loop, reals, sweep, omega)
+        columns = add_column(tables.iterates, loop, reals, sweep, columns)
+        if not same:
+            columns = 0
+        feed(tables.iterates, loop, reals, fit(tables.iterates, loop, sweep, columns))
     return loop.first, UNSETTLED, np.int64(0)
 
 

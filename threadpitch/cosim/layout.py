@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from threadpitch.cosim.block import Channel
 from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.check import Link
 from threadpitch.cosim.memory import Memory, Port, space
 from threadpitch.cosim.method import Method
-from threadpitch.cosim.recording import Channel
 from threadpitch.cosim.variable import FmuVariable
 
 _REAL = np.dtype(np.float64)

@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from threadpitch.cosim.block import Block, Blocks, Channel
 from threadpitch.cosim.errors import CosimError
-from threadpitch.cosim.recording import Block, Channel
 
 _MOST = 2**31 - 1  # bytes of a matrix
 _LINEAR, _CONSTANT_OUTSIDE = 0, -1  # dataInfo: interpolation, and what is before and after the time
 
 
-def write_mat(path: Path, block: Block, metadata: Mapping[str, Any]) -> None:
+def write_mat(path: Path, block: Block | Blocks, metadata: Mapping[str, Any]) -> None:
     """Write rows, all as double precision.
 
     Raises:
@@ -44,7 +44,7 @@ def write_mat(path: Path, block: Block, metadata: Mapping[str, Any]) -> None:
     }, format="4", appendmat=False)
 
 
-def _matrices(block: Block) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
+def _matrices(block: Block | Blocks) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
     """``data_1`` (constants + 1, 2), ``data_2`` (changing + 1, rows), and ``dataInfo`` (4, variables + 1)."""
     ends = [block.times[0], block.times[-1]] if len(block) else [0.0, 0.0]
     constant, changing = [np.array(ends)], [np.asarray(block.times)]

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from threadpitch.cosim.block import WIDTHS, Channel
 from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.check import Link
 from threadpitch.cosim.events import Level
@@ -22,7 +23,7 @@ from threadpitch.cosim.layout import Layout
 from threadpitch.cosim.method import Method
 from threadpitch.cosim.node import Copy, Follow, Node, State, Watch, Wiring
 from threadpitch.cosim.order import find_loops
-from threadpitch.cosim.recording import WIDTHS, Channel, Recorder
+from threadpitch.cosim.recording import Recorder
 from threadpitch.cosim.variable import FmuVariable
 
 
@@ -56,8 +57,8 @@ class Network:
             node.slot = node.instance.slot()
         self.recorded = {width: np.array([self._layout.source(found.component, found.variable) // width
                                           for found in recorder.by_width[width]], np.intp) for width in WIDTHS}
-        self._rows = [(self.state.memory.view(f"i{width}"), self.recorded[width], recorder.rows[width])
-                      for width in WIDTHS if self.recorded[width].size]
+        self._recorded = [(self.state.memory.view(f"i{width}"), self.recorded[width], width)
+                          for width in WIDTHS if self.recorded[width].size]
 
     def due(self, step: int) -> list[Node]:
         """The nodes, in order, that have a communication point where step number ``step`` begins."""
@@ -67,9 +68,7 @@ class Network:
         """Copy the recorded values into the row of the point where step number ``step`` begins, if it has one."""
         self.recorder.steps = step
         if step % self.recorder.every == 0:
-            row = self.recorder.add(self.recorder.schedule.time(step))
-            for memory, recorded, rows in self._rows:
-                memory.take(recorded, None, rows[row], "clip")  # "clip" lets NumPy write to the row without a buffer
+            self.record_between(self.recorder.schedule.time(step))
 
     def written_bits(self) -> bytes:
         """All values that links bring, as bits: tells whether anything changed."""
@@ -86,8 +85,9 @@ class Network:
     def record_between(self, time: float) -> None:
         """Copy the recorded values into a row of a point that is not one of the schedule's."""
         row = self.recorder.add(time)
-        for memory, recorded, rows in self._rows:
-            memory.take(recorded, None, rows[row], "clip")
+        for memory, recorded, width in self._recorded:
+            # "clip" lets NumPy write to the row without a buffer.
+            memory.take(recorded, None, self.recorder.rows[width][row], "clip")
 
     def source(self, component: str, variable: FmuVariable) -> int:
         """The byte of the memory where a value that links or recording need begins."""

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from threadpitch.cosim.block import Block, Channel, Channels, Column
 from threadpitch.cosim.errors import CosimError
-from threadpitch.cosim.recording import Block, Channel, Channels, Column
 
 METADATA = b"threadpitch"
 _PART = "part-{:06d}.parquet"
@@ -71,11 +71,12 @@ class ParquetFolder:
                                       metadata=unit))
         return arrow.schema(fields, metadata={METADATA: json.dumps(metadata)})
 
-    def take(self, block: Block) -> None:
-        """Write a part."""
+    def take(self, block: Block) -> bool:
+        """Write a part; the block itself is not kept."""
         arrays = [self._arrow.array(block.times)]
-        arrays += [self._arrow.array(np.ascontiguousarray(block.column(channel))) for channel in self._channels.all]
+        arrays += [self._arrow.array(block.column(channel)) for channel in self._channels.all]
         self._write(self._arrow.Table.from_arrays(arrays, schema=self._schema))
+        return False
 
     def _write(self, table: Any) -> None:
         unfinished = self.path / _UNFINISHED

@@ -29,6 +29,8 @@ from threadpitch.cosim.tables import (
     LOOP,
     NODE,
     NOT_A_NUMBER,
+    NOWHERE,
+    PIECE,
     RUN,
     STATE_FAILED,
     STEP_FAILED,
@@ -40,7 +42,7 @@ from threadpitch.cosim.tables import (
     Views,
     code,
     places,
-    runs,
+    stretches,
 )
 
 
@@ -69,10 +71,13 @@ class Program:
         first = steps.start
         while first < steps.stop:
             last = min(steps.stop, recorder.room())
+            self._tables.latest[:-1] = recorder.places[recorder.filled - 1] if recorder.filled else NOWHERE
+            self._tables.latest[-1] = recorder.used
             span = Span(first, last, schedule.start_time, schedule.step_size, recorder.every, recorder.drained,
-                        network.method.tolerance, network.method.iterations)
+                        recorder.words.ctypes.data, recorder.places.ctypes.data, network.method.tolerance,
+                        network.method.iterations)
             end = self._loop(self._places, span)
-            recorder.advance(end.steps)
+            recorder.advance(end.steps, int(self._tables.latest[-1]))
             if end.what != DONE:
                 self._fail(network, schedule, end)
             first = last
@@ -103,6 +108,7 @@ class Program:
         memory, times, starts, samples, iterates, _ = network.state
         answers = np.zeros(len(nodes), ANSWER)
         answer_places = answers.ctypes.data + np.arange(len(nodes), dtype=np.uintp) * np.uintp(ANSWER.itemsize)
+        pieces, runs = _pieces(network)
         return Tables(
             nodes=_records(nodes, NODE),
             copies=_records(self._records["copy"], COPY),
@@ -112,8 +118,8 @@ class Program:
             watches=_records(self._records["watch"], WATCH),
             answers=answers, answer_places=answer_places.astype(np.uintp),
             memory=Views(*(memory.view(name) for name in Views._fields)),
-            times=times, starts=starts, samples=samples, runs=_runs(network),
-            loops=_records(network.loops, LOOP), iterates=iterates)
+            times=times, starts=starts, samples=samples, pieces=pieces, runs=runs,
+            latest=np.zeros(len(pieces) + 1, np.uint64), loops=_records(network.loops, LOOP), iterates=iterates)
 
     def _node(self, node: Node, multiple: int) -> tuple[int, ...]:
         """The record of one node, after those of its parts."""
@@ -171,13 +177,17 @@ class Program:
                 orders.ctypes.data, following.derivatives.ctypes.data, 5)
 
 
-def _runs(network: Network) -> Records:
-    """What is copied into a row: the fewest stretches of bytes."""
-    begin, records = network.octets.ctypes.data, []
-    for width, rows in network.recorder.rows.items():
-        for first, place, count in runs(network.recorded[width].tolist()):
-            records.append((begin + first * width, rows.ctypes.data + place * width, rows.strides[0], count * width))
-    return _records(records, RUN)
+def _pieces(network: Network) -> tuple[Records, Records]:
+    """What is recorded together, and the fewest stretches of bytes that it consists of."""
+    begin = network.octets.ctypes.data
+    pieces: list[tuple[int, ...]] = []
+    records: list[tuple[int, ...]] = []
+    for piece in network.recorder.layout.pieces:
+        first = len(records)
+        for number, place, count in stretches(network.recorded[piece.width][piece.first:piece.last].tolist()):
+            records.append((begin + number * piece.width, place * piece.width, count * piece.width))
+        pieces.append((first, len(records), piece.words, int(piece.fixed)))
+    return _records(pieces, PIECE), _records(records, RUN)
 
 
 def _watches(begin: int, watched: Sequence[Watch]) -> list[tuple[int, int, int]]:
@@ -185,7 +195,7 @@ def _watches(begin: int, watched: Sequence[Watch]) -> list[tuple[int, int, int]]
     records = []
     for dtype in {C_TYPES[watch.c_type].dtype: None for watch in watched}:
         places = sorted(watch.index for watch in watched if C_TYPES[watch.c_type].dtype == dtype)
-        records += [(begin + first * dtype.itemsize, dtype.itemsize, count) for first, _, count in runs(places)]
+        records += [(begin + first * dtype.itemsize, dtype.itemsize, count) for first, _, count in stretches(places)]
     return records
 
 

@@ -3,106 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from threadpitch.cosim.c_types import C_TYPES
+from threadpitch.cosim.block import WORD, Block, Blocks, Channel, Channels, Column, Times, whole_places
 from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.events import EventRecord
 from threadpitch.cosim.schedule import Schedule
-from threadpitch.cosim.variable import FmuVariable
 
-Column: TypeAlias = NDArray[Any]  # (rows,)
-Times: TypeAlias = NDArray[np.float64]  # (rows,)
-Rows: TypeAlias = dict[int, NDArray[Any]]  # by width: (rows, channels of this width), whole numbers with the bits
-WIDTHS = (8, 4, 2, 1)  # bytes of a value
 BLOCK_SIZE = 32 * 2**20  # bytes
 BLOCK_ROWS = 2**15
-_FAMILIES = ("Real", "Integer", "Boolean")
-
-
-@dataclass(frozen=True)
-class Channel:
-    """One recorded variable."""
-
-    component: str
-    variable: FmuVariable
-
-    @property
-    def name(self) -> str:
-        """``component.variable``."""
-        return f"{self.component}.{self.variable.name}"
-
-    @property
-    def width(self) -> int:
-        """Bytes of a value."""
-        return C_TYPES[self.variable.c_type].dtype.itemsize
-
-    @property
-    def boolean(self) -> bool:
-        """Whether values are given out as truth values."""
-        return C_TYPES[self.variable.c_type].family == "Boolean"
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """The type of the values that are given out."""
-        return np.dtype(np.bool_) if self.boolean else C_TYPES[self.variable.c_type].dtype
-
-    def values(self, bits: Column) -> Column:
-        """The values that whole numbers of the channel's width hold."""
-        values = bits.view(C_TYPES[self.variable.c_type].dtype)
-        return values != 0 if self.boolean else values
-
-
-class Channels:
-    """The recorded variables, and where each lies in the rows.
-
-    ``all`` lists Real variables first, then whole numbers, then Booleans; ``by_width[width]`` those whose values have
-    ``width`` bytes, in the order of their columns.
-    """
-
-    def __init__(self, channels: Iterable[Channel]) -> None:
-        given = tuple(channels)
-        self.all = tuple(sorted(given, key=lambda one: _FAMILIES.index(C_TYPES[one.variable.c_type].family)))
-        self.by_width = {width: tuple(found for found in given if found.width == width) for width in WIDTHS}
-        self.places = {channel.name: place for found in self.by_width.values() for place, channel in enumerate(found)}
-        self.row_size = sum(width * len(found) for width, found in self.by_width.items())  # bytes
-
-    def empty(self, count: int) -> Rows:
-        """Room for rows."""
-        return {width: np.empty((count, len(found)), f"i{width}") for width, found in self.by_width.items()}
-
-
-@dataclass(frozen=True)
-class Block:
-    """Successive rows: their times, and their values by width."""
-
-    channels: Channels
-    times: Times
-    rows: Rows
-
-    def __len__(self) -> int:
-        return self.times.size
-
-    def column(self, channel: Channel) -> Column:
-        """The values of one variable, (rows,)."""
-        return channel.values(self.rows[channel.width][:, self.channels.places[channel.name]])
-
-    def some(self, which: NDArray[Any] | slice) -> Block:
-        """The rows that a mask or slice chooses."""
-        return Block(self.channels, self.times[which], {width: rows[which] for width, rows in self.rows.items()})
-
-    def of(self, channels: Channels) -> Block:
-        """The same rows with some of the columns."""
-        if channels is self.channels:
-            return self
-        rows = {}
-        for width, wanted in channels.by_width.items():
-            rows[width] = self.rows[width][:, [self.channels.places[channel.name] for channel in wanted]]
-        return Block(channels, self.times, rows)
+_TOGETHER = 256  # rows whose places are written at once
 
 
 class Columns(Protocol):
@@ -119,8 +32,8 @@ class Columns(Protocol):
 class Sink(Protocol):
     """Where blocks go while a run computes."""
 
-    def take(self, block: Block) -> None:
-        """Keep a copy of some rows; a file keeps them whatever happens to this process."""
+    def take(self, block: Block) -> bool:
+        """Keep some rows; a file keeps them whatever happens to this process. Whether the block itself is kept."""
 
     def position(self) -> dict[str, int]:
         """How much has been taken: what a later process hands over to go on from here."""
@@ -130,7 +43,7 @@ class Sink(Protocol):
 
 
 class MemoryRows:
-    """Rows in memory: room for ``count`` of them, which is doubled when more come.
+    """Rows in memory. ``count`` of them must fit in.
 
     Raises (the class itself):
         CosimError: the rows do not fit into the memory.
@@ -138,38 +51,39 @@ class MemoryRows:
 
     def __init__(self, channels: Channels, count: int = 0) -> None:
         self._channels = channels
-        self._filled = 0
-        self._times, self._rows = self._room(count)
+        self._blocks: list[Block] = []
+        room(channels, count)
 
-    def take(self, block: Block) -> None:
-        """Append rows."""
-        filled = self._filled + len(block)
-        if filled > self._times.size:
-            before = self.close()
-            self._times, self._rows = self._room(max(filled, 2 * self._times.size))
-            self._put(slice(self._filled), before)
-        self._put(slice(self._filled, filled), block)
-        self._filled = filled
+    def take(self, block: Block) -> bool:
+        """Keep the block itself, or its rows where these are but a small part of it."""
+        kept = 2 * len(block) * self._channels.row_words > block.words.size
+        self._blocks.append(block if kept else block.compact())
+        return kept
 
     def position(self) -> dict[str, int]:
         """The number of rows."""
-        return {"rows": self._filled}
+        return {"rows": sum(map(len, self._blocks))}
 
-    def close(self) -> Block:
+    def close(self) -> Blocks:
         """The rows themselves."""
-        return Block(self._channels, self._times, self._rows).some(slice(self._filled))
+        return Blocks(self._channels, self._blocks)
 
-    def _room(self, count: int) -> tuple[Times, Rows]:
-        try:
-            return np.empty(count), self._channels.empty(count)
-        except (MemoryError, ValueError):
-            raise CosimError(f"{count} rows of {len(self._channels.all)} variables do not fit into the memory; record "
-                             "fewer variables, every n-th step only, into a file, or take a larger step") from None
 
-    def _put(self, place: slice, block: Block) -> None:
-        self._times[place] = block.times
-        for width, rows in block.rows.items():
-            self._rows[width][place] = rows
+def room(channels: Channels, count: int) -> tuple[Times, NDArray[np.uint32], NDArray[np.int64]]:
+    """Memory for rows: their times, their places, and their words if all values change in every one.
+
+    Raises:
+        CosimError: there is not so much.
+    """
+    directory = -(-count * len(channels.pieces) // 2)  # words: two places each
+    try:
+        # One stretch, because NumPy takes large pages for large ones: rows are the first to touch them.
+        words = np.empty(directory + count * channels.row_words, np.int64)
+        places = words[:directory].view(np.uint32)[:count * len(channels.pieces)].reshape(count, len(channels.pieces))
+        return np.empty(count), places, words[directory:]
+    except (MemoryError, ValueError):
+        raise CosimError(f"{count} rows of {len(channels.all)} variables do not fit into the memory; record fewer "
+                         "variables, every n-th step only, into a file, or take a larger step") from None
 
 
 class Taking:
@@ -188,15 +102,18 @@ class Taking:
         self.last: Block | None = None  # the row that was looked at last
         self.taken = 0
 
-    def take(self, block: Block, first: int) -> None:
-        """Take what is wanted of some rows, the first of which has this number in the run."""
+    def take(self, block: Block, first: int) -> bool:
+        """Take what is wanted of some rows, the first of which has this number in the run. Whether the sink keeps the
+        block itself.
+        """
         if self.every > 1:
             block = block.some(slice(-first % self.every, None, self.every))
         if self.on and len(block):
             block = self._changed(block)
-        if len(block):
-            self.sink.take(block.of(self.channels))
-            self.taken += len(block)
+        if not len(block):
+            return False
+        self.taken += len(block)
+        return self.sink.take(block.of(self.channels))
 
     def _changed(self, block: Block) -> Block:
         mask = np.zeros(len(block), np.bool_)
@@ -206,17 +123,17 @@ class Taking:
             mask[1:] |= column[1:] != column[:-1]
             if self.last is not None:
                 mask[0] |= bool(column[0] != self.last.column(channel)[0])
-        self.last = block.some(np.array([len(block) - 1])).of(self.channels)
+        self.last = block.some(np.array([len(block) - 1])).of(self.channels).compact()
         return block.some(mask)
 
 
 class Recorder:
-    """Values at communication points, in a block of rows that is allocated once and leaves for the takings when full.
+    """Values at communication points, in a block of rows that leaves for the takings when it is full.
 
-    ``rows[width]`` holds the values of ``width`` bytes as ``Channels`` says, ``times`` (rows,) their communication
-    points. Row r of all belongs to the point r * every, row 0 to the values after initialisation; ``drained`` rows
-    have left the block, ``filled`` are in it. ``steps`` counts the steps that were computed. Without takings
-    all rows are kept in memory.
+    Row r of all belongs to the point r * every, row 0 to the values after initialisation; ``drained`` rows have left
+    the block, ``filled`` are in it. ``rows[width]`` are the rows of the block as plain Python writes them, whole: row r
+    at word r * row_words. The kernel writes what has changed, behind the ``used`` words; ``places`` (rows, pieces)
+    tells where. ``steps`` counts the steps that were computed. Without takings all rows are kept in memory.
 
     Raises (the class itself):
         CosimError: the rows do not fit into the memory, or ``every`` is not a positive whole number.
@@ -232,13 +149,17 @@ class Recorder:
         self.by_width = self.layout.by_width
         count = schedule.steps // every + 1
         self.takings = tuple(takings) or (Taking(self.layout, MemoryRows(self.layout, count)),)
-        size = min(count, BLOCK_ROWS, max(1, BLOCK_SIZE // max(self.layout.row_size, 1)))
-        self.times = np.empty(size)
-        self.rows = self.layout.empty(size)
+        self._size = min(count, BLOCK_ROWS, max(1, BLOCK_SIZE // max(self.layout.row_words * WORD, 1)))
         self.drained = 0
-        self.filled = 0
         self.steps = 0
         self.events: list[EventRecord] = []
+        self._begin()
+
+    def _begin(self) -> None:
+        """An empty block."""
+        self.times, self.places, self.words = room(self.layout, self._size)
+        self.rows = self.layout.whole(self.words, self._size)
+        self.filled, self.used, self._whole = 0, 0, 0
 
     @property
     def completed(self) -> bool:
@@ -248,36 +169,50 @@ class Recorder:
     def add(self, time: float) -> int:
         """The place of a new row in the block, which is drained before where it is full."""
         if self.filled == self.times.size:
-            self.drain()
+            self._turn_over()
+        if self.filled >= self._whole:
+            self._whole = min(self.filled + _TOGETHER, self._size)
+            self.places[self.filled:self._whole] = whole_places(self.layout, range(self.filled, self._whole))
         self.times[self.filled] = time
         self.filled += 1
+        self.used = self.filled * self.layout.row_words
         return self.filled - 1
 
     def room(self) -> int:
         """The number of the step up to which rows fit into the block, which is drained where it is full."""
         if self.filled == self.times.size:
-            self.drain()
-        return (self.drained + self.times.size) * self.every - 1
+            self._turn_over()
+        return (self.drained + self._size) * self.every - 1
 
-    def advance(self, steps: int) -> None:
-        """Take over rows that the kernel wrote: ``steps`` are done in all."""
+    def advance(self, steps: int, used: int) -> None:
+        """Take over rows that the kernel wrote: ``steps`` are done in all, so many words are used."""
         filled = steps // self.every + 1 - self.drained
         points = np.arange(self.drained + self.filled, self.drained + filled, dtype=np.float64)
         self.times[self.filled:filled] = self.schedule.start_time + points * self.every * self.schedule.step_size
-        self.steps, self.filled = steps, filled
+        self.steps, self.filled, self.used = steps, filled, used
 
     def drain(self) -> None:
-        """Hand the rows over, and begin the block anew."""
-        block = Block(self.layout, self.times, self.rows).some(slice(self.filled))
-        if len(block):
-            for taking in self.takings:
-                taking.take(block, self.drained)
+        """Hand the rows over, and begin the block anew: in the same memory where nobody keeps it."""
+        if not self.filled:
+            return
+        rows = slice(self.filled)
+        block = Block(self.layout, self.times[rows], self.words[:self.used], self.places[rows])
+        kept = [taking.take(block, self.drained) for taking in self.takings]
         self.drained += self.filled
-        self.filled = 0
+        if any(kept):
+            self.times = np.empty(0)  # no block, until there is a row again
+        elif self.used < self.filled * self.layout.row_words:
+            self._whole = 0
+        self.filled, self.used = 0, 0
+
+    def _turn_over(self) -> None:
+        self.drain()
+        if not self.times.size:
+            self._begin()
 
     def go_on(self, steps: int, drained: int) -> None:
         """Take over where a former process was, which had drained its rows."""
-        self.steps, self.drained, self.filled = steps, drained, 0
+        self.steps, self.drained, self.filled, self.used = steps, drained, 0, 0
 
 
 def check_every(every: object) -> None:

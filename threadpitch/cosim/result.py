@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from threadpitch.cosim.block import Block, Blocks, Channels, Column, Times
 from threadpitch.cosim.csv_file import header, lines
 from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.mat_file import write_mat
-from threadpitch.cosim.recording import Block, Channels, Column, Columns, Recorder, Times
+from threadpitch.cosim.recording import Columns, Recorder
 from threadpitch.cosim.system import nearest
 
 
@@ -47,7 +48,7 @@ class Result(Mapping[str, Column]):
         self._layout: Channels = chosen.channels
         self._channels = {channel.name: channel for channel in self._layout.all}
         self.units = {name: channel.variable.unit for name, channel in self._channels.items()}
-        self._read: dict[str, Column] = {}  # from a file: reading takes its time
+        self._read: dict[str, Column] = {}  # collecting a column takes its time
 
     @property
     def time(self) -> Times:
@@ -59,8 +60,6 @@ class Result(Mapping[str, Column]):
             return self.time
         if name not in self._channels:
             raise KeyError(f"{name} was not recorded{nearest(name, self._channels)}")
-        if isinstance(self._columns, Block):
-            return self._columns.column(self._channels[name])
         if name not in self._read:
             self._read[name] = self._columns.column(self._channels[name])
         return self._read[name]
@@ -95,16 +94,17 @@ class Result(Mapping[str, Column]):
         """
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        return _written_whole(path, lambda temporary: write_mat(temporary, self._block(), self.metadata))
+        return _written_whole(path, lambda temporary: write_mat(temporary, self._table(), self.metadata))
 
     def _write_csv(self, path: Path) -> None:
         with path.open("w", encoding="utf-8", newline="") as file:
             file.write(header(self._layout))
-            file.writelines(lines(self._block()))
+            for block in self._table():
+                file.writelines(lines(block))
 
-    def _block(self) -> Block:
+    def _table(self) -> Block | Blocks:
         """All rows in memory."""
-        if isinstance(self._columns, Block):
+        if isinstance(self._columns, Blocks):
             return self._columns
         rows = self._layout.empty(self.rows)
         try:
@@ -114,7 +114,7 @@ class Result(Mapping[str, Column]):
                 rows[channel.width][:, place] = bits
         except MemoryError:
             raise CosimError("the recorded rows do not fit into the memory") from None
-        return Block(self._layout, self.time, rows)
+        return Block.of_rows(self._layout, self.time, rows)
 
 
 def _written_whole(target: Path, write: Callable[[Path], None]) -> Path:

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from threadpitch.cosim.block import Channel, Channels
 from threadpitch.cosim.plan import Plan
-from threadpitch.cosim.recording import Channel, Channels, MemoryRows, Recorder, Sink, Taking, check_every
+from threadpitch.cosim.recording import MemoryRows, Recorder, Sink, Taking, check_every
 from threadpitch.cosim.schedule import Schedule
 from threadpitch.cosim.system import SystemStructureError, nearest
 

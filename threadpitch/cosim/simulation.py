@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from threadpitch.cosim import master
+from threadpitch.cosim.block import Channels
 from threadpitch.cosim.check import Plan, check
 from threadpitch.cosim.checkpoint import Checkpoint, CheckpointError, read_checkpoint
 from threadpitch.cosim.engine import choose_engine
@@ -28,7 +29,6 @@ from threadpitch.cosim.keeping import Keeper, Keeping, warn_of_versions
 from threadpitch.cosim.metadata import again, describe, plain_parameters, versions
 from threadpitch.cosim.method import Method, check_method, has_event_mode
 from threadpitch.cosim.network import Network
-from threadpitch.cosim.recording import Channels
 from threadpitch.cosim.result import Result
 from threadpitch.cosim.schedule import Schedule
 from threadpitch.cosim.selection import Selection, Watch

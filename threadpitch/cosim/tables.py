@@ -30,9 +30,10 @@ FOLLOW = np.dtype([("number", "i8"), ("giver", "i8"), ("source", "i8"), ("target
                    ("first", "i8"), ("second", "i8"), ("plain", "i8"), ("factor", "f8"), ("shift", "f8")])
 # Float64 (width 8) or Float32 values that follow each other.
 WATCH = np.dtype([("address", "u8"), ("width", "i8"), ("count", "i8")])
-# Bytes that follow each other in the memory and in a recorded row: the first of them in both, in row 0, and the bytes
-# from one row to the next.
-RUN = np.dtype([("source", "u8"), ("target", "u8"), ("stride", "u8"), ("count", "u8")])
+# What is recorded together (see block.Piece): its runs, how many words its values take, and whether these stay.
+PIECE = np.dtype([("first_run", "i8"), ("last_run", "i8"), ("words", "u8"), ("fixed", "i8")])
+# Bytes that follow each other in the memory and in a piece: the first of them in both.
+RUN = np.dtype([("source", "u8"), ("target", "u8"), ("count", "u8")])
 LOOP = np.dtype([(name, "i8") for name in Loop._fields])
 # What fmi3DoStep answers, in the order that calls.call_step3 knows.
 ANSWER = np.dtype([("reached", "f8"), ("event", "u1"), ("ended", "u1"), ("early", "u1"), ("unused", "u1", (5,))])
@@ -70,7 +71,9 @@ class Tables(NamedTuple):
     times: NDArray[np.float64]
     starts: NDArray[np.float64]
     samples: Samples
+    pieces: Records
     runs: Records
+    latest: NDArray[np.uint64]  # (pieces + 1,) the place of every piece in the latest row; then the words that are used
     loops: Records
     iterates: Iterates
 
@@ -78,7 +81,8 @@ class Tables(NamedTuple):
 class Span(NamedTuple):
     """Steps ``first`` to ``last`` - 1 that begin at ``start + n * step_size``; every n-th point is recorded.
 
-    ``drained`` rows have left the recorder's block before. Loops are iterated to the tolerance in so many sweeps.
+    ``drained`` rows have left the recorder's block before, whose words and places lie at these addresses. Loops are
+    iterated to the tolerance in so many sweeps.
     """
 
     first: int
@@ -87,6 +91,8 @@ class Span(NamedTuple):
     step_size: float
     every: int
     drained: int
+    words: int
+    places: int
     tolerance: float
     iterations: int
 
@@ -100,7 +106,7 @@ class End(NamedTuple):
     status: int
 
 
-def runs(numbers: Sequence[int]) -> list[tuple[int, int, int]]:
+def stretches(numbers: Sequence[int]) -> list[tuple[int, int, int]]:
     """Ascending stretches of numbers, in their order: the first, its place in the sequence, how many."""
     found: list[tuple[int, int, int]] = []
     for place, number in enumerate(numbers):
@@ -117,12 +123,13 @@ def places(tables: Tables) -> NDArray[np.uint64]:
     Compiled code that is handed arrays counts the references to each of them in every call, which takes ten times
     what the loop itself does; arrays that it makes of addresses have no owner and no count.
     """
-    arrays = [*tables[:8], *tables.memory, tables.times, tables.starts, *tables.samples, tables.runs,
-              tables.loops, *tables.iterates]
+    arrays = [*tables[:8], *tables.memory, tables.times, tables.starts, *tables.samples, tables.pieces, tables.runs,
+              tables.latest, tables.loops, *tables.iterates]
     return np.array([(array.ctypes.data, array.shape[0], array.shape[1] if array.ndim == 2 else 1)
                      for array in arrays], np.uint64)
 
 
+NOWHERE = np.uint64(2**64 - 1)  # the place of a piece that no row of the block has yet
 DONE, STEP_FAILED, NOT_A_NUMBER, STATE_FAILED, UNSETTLED = -1, -2, -3, -4, -5
 
 

@@ -16,7 +16,7 @@ class FmuVariable:
     counts within ``reference`` (row by row, from 0), which holds ``size`` values. ``start`` is the element's start
     value as a number. ``choices`` names an Enumeration's values, or those of an Integer that our own annotation names.
     ``settable`` tells whether it takes a value before initialisation, ``interpolated`` whether it is an input that
-    can follow a polynomial inside of a step.
+    can follow a polynomial inside of a step, ``discrete`` whether it changes at events or samples only.
     """
 
     name: str
@@ -33,6 +33,7 @@ class FmuVariable:
     size: int = 1
     start: float | None = None
     interpolated: bool = False
+    discrete: bool = False
 
     @property
     def c_type(self) -> str:

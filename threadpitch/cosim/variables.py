@@ -76,6 +76,7 @@ def _variable(found: Any, extras: _Extras, fmi: int) -> FmuVariable:
             found.causality == "input" or found.initial in ("exact", "approx")),
         fmi=fmi,
         interpolated=found.name in extras.followed,
+        discrete=found.variability == "discrete",
     )
 
 

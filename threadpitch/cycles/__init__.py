@@ -14,9 +14,9 @@ from threadpitch.cycles.modal import Indexing, Setup, UnknownStart
 from threadpitch.cycles.moves import Move, Pass, Point, RunOut, Thread, ThreadPath, Wait
 from threadpitch.cycles.multiple import G76Cycle, Helix, Infeed, passes
 from threadpitch.cycles.parameters import ControlParameters, ParameterFile
-from threadpitch.cycles.pass_kinds import final_flank, largest_feed, spindle_of_passes, turning_speed
+from threadpitch.cycles.pass_kinds import final_flank, hands, largest_feed, spindle_of_passes, turning_speed
 from threadpitch.cycles.program import Program, read_program, read_program_file
-from threadpitch.cycles.scheme import InfeedScheme, ToolPath, infeed_scheme, tool_path
+from threadpitch.cycles.scheme import InfeedScheme, ToolPath, groove_locus, infeed_scheme, tool_path
 from threadpitch.cycles.single import G92Cycle
 from threadpitch.cycles.words import IncrementSystem
 
@@ -25,6 +25,6 @@ __all__ = [
     "G76Cycle", "G92Cycle", "Helix", "IncrementSystem", "Indexing", "Infeed", "InfeedScheme", "Interpretation", "Move",
     "Notice", "ParameterFile", "Pass", "Place", "Point", "Program", "ProgramError", "RunOut", "Setup", "Thread",
     "ThreadError", "ThreadPath", "ToolPath", "UnknownStart", "Wait", "cycle_document", "cycle_table", "dialect_named",
-    "expand_cycle", "final_flank", "infeed_scheme", "interpret", "largest_feed", "moves_text", "passes", "read_program",
-    "read_program_file", "spindle_of_passes", "start_point", "tool_path", "turning_speed",
+    "expand_cycle", "final_flank", "groove_locus", "hands", "infeed_scheme", "interpret", "largest_feed", "moves_text",
+    "passes", "read_program", "read_program_file", "spindle_of_passes", "start_point", "tool_path", "turning_speed",
 ]

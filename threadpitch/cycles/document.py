@@ -9,6 +9,7 @@ from rich.table import Table
 
 from threadpitch.cycles.interpreter import Interpretation
 from threadpitch.cycles.moves import Move, Pass, move_text
+from threadpitch.cycles.pass_kinds import hands
 from threadpitch.units import from_si
 
 LEADS_IN_TITLE = 3
@@ -16,9 +17,13 @@ DECIMALS = 9  # of mm and degrees: far below any machine, above the rounding of 
 
 
 def cycle_document(interpretation: Interpretation) -> dict[str, object]:
-    """``{"passes": [...], "parameters": {"019": ...}}``; depth as radius, null where the words tell none (G32, G92)."""
+    """``{"passes": [...], "parameters": {"019": ...}}``; depth as radius, null where the words tell none (G32, G92).
+
+    The hand of the thread is right or left, null across a face.
+    """
     return {
-        "passes": [pass_record(cut) for cut in interpretation.passes],
+        "passes": [{**pass_record(cut), "hand": hand} for cut, hand in zip(
+            interpretation.passes, hands(interpretation.passes, interpretation.moves), strict=True)],
         "parameters": dict(interpretation.parameters.by_number()),
     }
 
@@ -37,12 +42,14 @@ def pass_record(cut: Pass) -> dict[str, object]:
     }
 
 
-def cycle_table(passes: Sequence[Pass]) -> Table:
-    """The passes as a table of 80 characters; the leads stand in its title."""
+def cycle_table(passes: Sequence[Pass], moves: Iterable[Move] = ()) -> Table:
+    """The passes as a table of 80 characters; the leads stand in its title, and the hand where it is left."""
     leads = sorted({millimetres(cut.lead) for cut in passes})
     named = ", ".join(f"{lead:.4f}" for lead in leads[:LEADS_IN_TITLE])
     more = ", ..." if len(leads) > LEADS_IN_TITLE else ""
-    table = Table(title=f"Threading passes, lead {named}{more} mm", box=box.ASCII2)
+    found = set(hands(passes, moves))
+    hand = "" if "left" not in found else ", left-hand" if found == {"left"} else ", right- and left-hand"
+    table = Table(title=f"Threading passes, lead {named}{more} mm{hand}", box=box.ASCII2)
     table.add_column("pass", justify="right", no_wrap=True)
     table.add_column("kind", no_wrap=True)
     for heading in ("depth\nmm", "start X\nmm", "start Z\nmm", "end X\nmm", "end Z\nmm", "angle\ndeg"):

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 
-from threadpitch.cycles.errors import Alarm, Notice, ProgramError
+from threadpitch.cycles.errors import Alarm, Notice, Place, ProgramError
 from threadpitch.cycles.modal import BlockWords, Modal, Setup
 from threadpitch.cycles.moves import (
     Dwell,
@@ -30,7 +30,7 @@ from threadpitch.cycles.moves import (
 from threadpitch.cycles.multiple import G76Cycle
 from threadpitch.cycles.multiple_words import multiple_cycle
 from threadpitch.cycles.parameters import ControlParameters, Number
-from threadpitch.cycles.pass_kinds import marked
+from threadpitch.cycles.pass_kinds import differently_turned, marked
 from threadpitch.cycles.program import Block, Program, Word
 from threadpitch.cycles.thread_words import single_cycle, taken_lead, thread_block
 from threadpitch.cycles.words import Span, feed_rate, number, whole
@@ -40,6 +40,7 @@ MOTION = ("G0", "G1", "G32", "G33", "G34", "G90", "G92")
 AXES = ("X", "Z", "U", "W")
 _UNITS, _FEEDS, _SPEEDS = ("G20", "G21"), ("G98", "G99"), ("G96", "G97")
 _ONCE = ("G4", "G50", "G76")
+_SPINDLE_CODES = (3, 4, 5)
 _NO_EFFECT = ("G18", "G40", "G54", "G80")  # the planes, offsets and cycles that a threading program cancels
 _GROUPS = (MOTION + _ONCE, _UNITS, _FEEDS, _SPEEDS)
 _NATURAL = Span(Decimal(0), Decimal(99999999))
@@ -81,8 +82,11 @@ def interpret(program: Program, setup: Setup | None = None) -> Interpretation:
         cycle = _execute(modal, block)
         if cycle is not None:
             cycles.append(cycle)
-    return Interpretation(tuple(modal.moves), marked(modal.finished_passes()), tuple(cycles), modal.parameters,
-                          modal.rewritten, tuple(modal.notices))
+    passes = marked(modal.finished_passes())
+    for line, text in differently_turned(passes, modal.moves):
+        modal.note(Place(line, 1, program.name), text)
+    return Interpretation(tuple(modal.moves), passes, tuple(cycles), modal.parameters, modal.rewritten,
+                          tuple(modal.notices))
 
 
 def _execute(modal: Modal, block: Block) -> G76Cycle | None:
@@ -93,7 +97,7 @@ def _execute(modal: Modal, block: Block) -> G76Cycle | None:
         label = words.take(address)
         if label is not None:
             whole(label, _NATURAL)
-    switches = [(word, whole(word, _NATURAL)) for word in words.all("M")]
+    switches = _switches(words)
     turning = modal.turning
     _settings(modal, words, codes)
     _tool_and_spindle(modal, words, codes, switches)
@@ -103,6 +107,16 @@ def _execute(modal: Modal, block: Block) -> G76Cycle | None:
     _stops(modal, words, switches)
     words.refuse_unused()
     return cycle
+
+
+def _switches(words: BlockWords) -> list[tuple[Word, int]]:
+    """The M codes of the block; two that tell the spindle different things contradict each other."""
+    switches = [(word, whole(word, _NATURAL)) for word in words.all("M")]
+    spindle = [(word, code) for word, code in switches if code in _SPINDLE_CODES]
+    for word, code in spindle:
+        if code != spindle[0][1]:
+            raise ProgramError(word.place, Alarm.M_CODE, f"{word} contradicts {spindle[0][0]} in one block; write one")
+    return switches
 
 
 def _codes(words: BlockWords) -> dict[str, Word]:

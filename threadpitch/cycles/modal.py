@@ -8,13 +8,14 @@ from enum import Enum
 
 from threadpitch.cycles.dialect import TOMATECH, Dialect
 from threadpitch.cycles.errors import Alarm, Notice, Place, ProgramError
-from threadpitch.cycles.moves import Direction, Move, Pass, Point, Rapid, Thread, ThreadPath
+from threadpitch.cycles.moves import Direction, Feed, Move, Pass, Point, Rapid, Thread, ThreadPath
 from threadpitch.cycles.parameters import ControlParameters, Number
 from threadpitch.cycles.program import Block, Word
 from threadpitch.cycles.words import IncrementSystem, Scale, finer_than_increment, length
 
 MOST_MOVES = 200_000  # of one program; a guard against programs that only fill the memory
 REPEATABLE = {"G", "M"}
+_FEW_MOVES = 8  # spindle, dwell and tool moves that may stand between two threading blocks
 
 
 class Indexing(Enum):
@@ -104,6 +105,7 @@ class Modal:
     x: float | None = None
     z: float | None = None
     infeed_from: float | None = None  # x before the last rapid that moved X: the side on which the tool is clear
+    infeed_from_z: float | None = None  # z before the last rapid, where that moved Z alone
     shift_x: float = 0.0
     shift_z: float = 0.0
     motion: str = "G0"
@@ -149,6 +151,7 @@ class Modal:
         self.emit(Rapid(place.line, x, z), place)
         if x != self.x:
             self.infeed_from = self.x
+        self.infeed_from_z = self.z if x == self.x else None
         self.x, self.z = x, z
 
     def note(self, place: Place, text: str) -> None:
@@ -238,6 +241,12 @@ class Modal:
     def finished_passes(self) -> list[Pass]:
         """The passes with all the paths that chains have added."""
         return [replace(made, paths=tuple(paths)) for made, paths in zip(self.passes, self.paths, strict=True)]
+
+    @property
+    def chain_is_broken(self) -> bool:
+        """Whether the tool stands where a threading block ended, but what came since ends its chain."""
+        moving = [move for move in self.moves[-_FEW_MOVES:] if isinstance(move, Rapid | Feed | Thread)]
+        return bool(moving) and isinstance(moving[-1], Thread) and not self.chained
 
     @property
     def chained(self) -> bool:

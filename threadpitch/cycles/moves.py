@@ -16,6 +16,7 @@ from threadpitch.units import from_si
 TURN = 2.0 * math.pi
 Kind = Literal["rough", "finish", "spring"]
 Direction = Literal["forward", "reverse"]
+Hand = Literal["right", "left"]
 
 
 @dataclass(frozen=True)
@@ -214,10 +215,11 @@ class SpindleSpeed(Move):
 
 @dataclass(frozen=True)
 class SurfaceSpeed(Move):
-    """Spindle on at a constant surface speed."""
+    """Spindle on at a constant surface speed, and at most at ``highest``."""
 
     speed: float  # m/s
     direction: Direction
+    highest: float = math.inf  # rad/s, of the spindle limit that holds
 
 
 @dataclass(frozen=True)

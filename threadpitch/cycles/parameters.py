@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 import os
-import tempfile
+import shutil
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,7 +59,7 @@ class ControlParameters:
     least_cut_um: Number = 50
     allowance_um: Number = 50
     speed_fluctuation_percent: Number = 0
-    acceleration_type: Number = 2
+    acceleration_type: Number = 0
 
     def __post_init__(self) -> None:
         for name, entry in ENTRIES.items():
@@ -84,7 +84,7 @@ class ControlParameters:
 
 
 class ParameterFile:
-    """A file of parameters that several runs, and several processes at once, share.
+    """A file of parameters that several runs, processes and users share; a file that is read-only is left alone.
 
     TOML, one ``"number" = value`` per line. A rewrite takes the lock beside the file, reads what others wrote, changes
     the given numbers only, and puts the new file in place of the old in one step: a reader never sees half a file,
@@ -122,6 +122,8 @@ class ParameterFile:
         """
         if not values:
             return self.read()
+        if self.path.exists() and not os.access(self.path, os.W_OK):
+            raise CycleError(f"{self.path}: is read-only; allow writing to it, or name another file")
         with self._locked():
             parameters = self.read().changed(values)
             self._replace(_text(parameters))
@@ -134,27 +136,34 @@ class ParameterFile:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             lock.acquire()
         except Timeout:
+            if not Path(lock.lock_file).exists():
+                raise self._unwritable("no lock can be made beside it") from None
             raise CycleError(f"{self.path}: another process holds it for {LOCK_PATIENCE:g} s; try again") from None
         except OSError as error:
-            raise CycleError(f"{self.path}: cannot be written ({error.strerror}); choose another place") from None
+            raise self._unwritable(error.strerror) from None
         try:
             yield
         finally:
             lock.release()
 
     def _replace(self, text: str) -> None:
-        temporary = ""
+        place = self.path.resolve()  # of a link the file, not the link
+        temporary = place.with_name(place.name + ".new")  # one name: the lock is ours, and a killed run's is taken over
         try:
-            handle, temporary = tempfile.mkstemp(dir=self.path.parent, prefix=self.path.name, suffix=".new")
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
+            with temporary.open("w", encoding="utf-8") as file:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
-            os.replace(temporary, self.path)
+            if place.exists():
+                shutil.copymode(place, temporary)
+            os.replace(temporary, place)
         except OSError as error:
-            if temporary:
-                Path(temporary).unlink(missing_ok=True)
-            raise CycleError(f"{self.path}: cannot be written ({error.strerror}); choose another place") from None
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+            raise self._unwritable(error.strerror) from None
+
+    def _unwritable(self, why: str | None) -> CycleError:
+        return CycleError(f"{self.path}: cannot be written ({why}); choose another place")
 
 
 def _text(parameters: ControlParameters) -> str:

@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from threadpitch.cycles.moves import TURN, Kind, Move, Pass, SpindleSpeed, SpindleStop, SurfaceSpeed, Thread
+from threadpitch.cycles.moves import (
+    TURN,
+    Direction,
+    Hand,
+    Kind,
+    Move,
+    Pass,
+    SpindleLimit,
+    SpindleSpeed,
+    SpindleStop,
+    SurfaceSpeed,
+    Thread,
+)
+from threadpitch.units import from_si
 
 SAME = 1e-9  # m; a tenth of a thousandth of the least input increment
 
@@ -45,28 +58,65 @@ def final_flank(passes: Sequence[Pass]) -> tuple[int, ...]:
 
 
 def spindle_of_passes(moves: Iterable[Move]) -> dict[int, SpindleSpeed | SurfaceSpeed | None]:
-    """By pass number, the spindle command that holds when the pass begins; None where the program gave none.
-
-    m/s along Z = lead along Z * speed / 2 pi: what an axis has to follow.
-    """
+    """By pass number, the spindle command that holds when the pass begins; None where the program gave none."""
     spindle: SpindleSpeed | SurfaceSpeed | None = None
+    highest = math.inf
     found: dict[int, SpindleSpeed | SurfaceSpeed | None] = {}
     for move in moves:
         if isinstance(move, SpindleSpeed | SurfaceSpeed):
             spindle = move
         elif isinstance(move, SpindleStop):
             spindle = None
+        elif isinstance(move, SpindleLimit):
+            highest = move.speed
         elif isinstance(move, Thread):
-            found.setdefault(move.pass_number, spindle)
+            limited = replace(spindle, highest=highest) if isinstance(spindle, SurfaceSpeed) else spindle
+            found.setdefault(move.pass_number, limited)
     return found
 
 
+def hand_of(cut: Pass, direction: Direction = "forward") -> Hand | None:
+    """right: M3 and a feed towards -Z, or both the other way; left: one of them; None across a face, where Z stays."""
+    travel = cut.end.z - cut.start.z
+    if travel == 0.0:
+        return None
+    return "right" if (travel < 0.0) == (direction == "forward") else "left"
+
+
+def hands(passes: Iterable[Pass], moves: Iterable[Move]) -> tuple[Hand | None, ...]:
+    """The hand of every pass's thread; a spindle that no move has told turns forward."""
+    spindle = spindle_of_passes(moves)
+    commands = ((cut, spindle.get(cut.number)) for cut in passes)
+    return tuple(hand_of(cut, "forward" if command is None else command.direction) for cut, command in commands)
+
+
+def differently_turned(passes: Iterable[Pass], moves: Sequence[Move]) -> Iterator[tuple[int, str]]:
+    """Line and text for each pass that cuts the groove of a former one at another speed or in the other direction."""
+    lines = {move.pass_number: move.line for move in reversed(moves) if isinstance(move, Thread)}
+    spindle = spindle_of_passes(moves)
+    first: dict[tuple[float, ...], tuple[int, SpindleSpeed]] = {}
+    for cut in passes:
+        command = spindle.get(cut.number)
+        if not isinstance(command, SpindleSpeed):
+            continue
+        number, former = first.setdefault(_groove(cut), (cut.number, command))
+        if command.direction != former.direction:
+            yield lines[cut.number], (f"pass {cut.number} turns the other way than pass {number} in the same groove: "
+                                      "it crosses its thread")
+        elif command.speed != former.speed:
+            speeds = " and ".join(f"{from_si(one.speed, 'rpm'):.6g}" for one in (former, command))
+            yield lines[cut.number], (f"passes {number} and {cut.number} cut one groove at {speeds} rpm: where the lag "
+                                      "of the start stays, the second is shifted along Z")
+
+
 def turning_speed(command: SpindleSpeed | SurfaceSpeed, cut: Pass) -> float:
-    """rad/s: as commanded; of a constant surface speed v / r at the pass's smallest radius, where it turns fastest."""
+    """rad/s: as commanded; of a constant surface speed v / r at the pass's smallest radius, where it turns fastest, up
+    to the spindle's limit.
+    """
     if isinstance(command, SpindleSpeed):
         return command.speed
     radius = min(abs(point.x) for path in cut.paths for point in (path.start, path.end))
-    return command.speed / radius if radius > 0.0 else math.inf
+    return min(command.highest, command.speed / radius) if radius > 0.0 else command.highest
 
 
 def largest_feed(cut: Pass, speed: float) -> float:

@@ -9,10 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from threadpitch.cycles.moves import Feed, Move, Rapid, Thread, ThreadPath
+from threadpitch.cycles.moves import TURN, Feed, Move, Pass, Rapid, Thread, ThreadPath, Wait
 from threadpitch.cycles.multiple import G76Cycle, pass_depths
 
 FloatArray = NDArray[np.float64]
+_SAME_TURN = 1e-6  # of a turn: a block that ends there begins the next without a further turn
+_LOCUS_POINTS = 33  # of one block
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,27 @@ def infeed_scheme(cycle: G76Cycle) -> InfeedScheme:
     half_width = depth * math.tan(cycle.tool_angle / 2.0)  # (passes,)
     offset = half_width[:, None] + half_width[:, None] * np.array([-1.0, 0.0, 1.0])
     return InfeedScheme(offset, depth[:, None] * np.array([0.0, 1.0, 0.0]), tuple(kind for kind, _ in cuts))
+
+
+def groove_locus(one: Pass) -> tuple[FloatArray, FloatArray]:
+    """Spindle angle from the one-turn signal (rad, counted on) and z (m) of a pass, (points,) each: Fig. 3 of the seed.
+
+    way = lead n + lead_change n^2 / 2,  n turns since the block's line began. A block that waits begins at its start
+    angle, counted on by whole turns; the tool stands until then.
+    """
+    angles: list[float] = []
+    positions: list[float] = []
+    reached = one.paths[0].start_angle
+    for path in one.paths:
+        if path.wait is not Wait.NONE:
+            reached = path.start_angle + TURN * math.ceil((reached - path.start_angle) / TURN - _SAME_TURN)
+        turned = np.linspace(0.0, path.turns, _LOCUS_POINTS)  # (_LOCUS_POINTS,)
+        way = path.lead * turned + 0.5 * path.lead_change * turned**2
+        share = way / path.length if path.length > 0.0 else way
+        angles += (reached + TURN * turned).tolist()
+        positions += (path.start.z + share * (path.leaves_at.z - path.start.z)).tolist()
+        reached += TURN * path.turns
+    return np.array(angles), np.array(positions)
 
 
 @dataclass(frozen=True, eq=False)

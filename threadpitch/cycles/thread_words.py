@@ -63,16 +63,18 @@ def taken_start_angle(modal: Modal, words: BlockWords) -> float:
 
 
 def taken_run_out(modal: Modal, words: BlockWords, width: float | None) -> RunOut | None:
-    """J along the short axis, K along the long one; without both, ``width`` m along both (45 degrees) or none."""
+    """J along the short axis, K along the long one; without both, ``width`` m along both (45 degrees) or none.
+
+    K missing is K = J; where either is 0 there is none.
+    """
     short, long = words.take("J"), words.take("K")
     if short is None and long is None:
         return RunOut(width, width) if width else None
     height = unsigned_length(short, modal.scale) if short else None
     length = unsigned_length(long, modal.scale) if long else None
     height = length if height is None else height
-    if not height:
-        return None
-    return RunOut(height if length is None else length, height)
+    length = height if length is None else length
+    return RunOut(length, height) if length and height else None
 
 
 def default_run_out(parameters: ControlParameters, pitch_lead: float) -> float:
@@ -91,6 +93,9 @@ def thread_block(modal: Modal, words: BlockWords) -> None:
     x, z = modal.target(words)
     end = Point(begin.x if x is None else x, begin.z if z is None else z)
     wait = _wait(modal)
+    if modal.chain_is_broken:
+        modal.note(words.place, "a dwell or a spindle word ends the chain of threading blocks: this one waits for the "
+                   "one-turn signal anew")
     if wait is Wait.NONE and words.has("Q"):
         modal.note(words.place_of("Q"), "in a chain of threading blocks only the Q of the first counts")
     angle = taken_start_angle(modal, words)
@@ -104,10 +109,17 @@ def thread_block(modal: Modal, words: BlockWords) -> None:
     if modal.chained:
         modal.paths[-1].append(path)
     else:
-        came_from = begin.x if modal.infeed_from is None else modal.infeed_from
-        modal.add_pass(Pass(1, "rough", None, Point(came_from, begin.z), (path,)))
+        modal.add_pass(Pass(1, "rough", None, _clear_of(modal, path), (path,)))
     modal.emit(Thread(words.line, path, len(modal.passes)), words.place)
     modal.x, modal.z = path.leaves_at.x, path.leaves_at.z
+
+
+def _clear_of(modal: Modal, path: ThreadPath) -> Point:
+    """Where the tool came from to the start of a path: along X, or to a thread across a face along Z."""
+    begin = path.start
+    if path.long_axis == "x" and modal.infeed_from_z is not None:
+        return Point(begin.x, modal.infeed_from_z)
+    return Point(begin.x if modal.infeed_from is None else modal.infeed_from, begin.z)
 
 
 def single_cycle(modal: Modal, words: BlockWords) -> None:

@@ -51,10 +51,10 @@ def read_measured(path: str | Path) -> list[MeasuredThread]:
     """
     columns: dict[str, _Column] = {}
     rows: dict[tuple[str, float | None], list[dict[str, float]]] = {}
-    for block in rows_of(Path(path)):
-        columns = columns or _columns(block.header, f"{block.source}:{block.header_line}")
+    for head, block in rows_of(Path(path)):
+        columns = columns or _columns(head.names, f"{path}:{head.line}")
         for line, row in zip(block.lines, block.rows, strict=True):
-            values = dict(_numbers(row, columns, f"{block.source}:{line}"))
+            values = dict(_numbers(row, columns, f"{path}:{line}"))
             start = values.pop("start_angle", None)
             flank = row[columns["flank"].index].strip() if "flank" in columns else ""
             rows.setdefault((flank, start), []).append(values)
@@ -101,7 +101,7 @@ def _numbers(row: list[str], columns: dict[str, _Column], place: str) -> Iterato
             yield meaning, math.nan
             continue
         try:
-            value = float(text)
+            value = float(text if "_" not in text else "")  # Python reads 1_0 as 10
         except ValueError:
             mend = "write the decimal sign as a point" if re.fullmatch(r"[-+]?\d+,\d+", text) else "mend this row"
             raise JudgementError(f"{place}: column {brief(column.name)} holds {brief(text)}, not a number; {mend}") \

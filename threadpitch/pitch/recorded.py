@@ -56,7 +56,7 @@ def pitch_table(trace: Trace, start_angles: ArrayLike | None = (0.0,)) -> PitchT
     Raises:
         PitchError: less than one whole turn, or start angles that are no finite numbers within 100 turns.
     """
-    stream = PitchStream(start_angles, limit=trace.reversal_limit, label=trace.whole())
+    stream = PitchStream(start_angles, limit=trace.reversal_limit, label=trace.whole(), margin=trace.margin)
     stream.add(trace.angle, trace.position)
     table = stream.final_table()
     return replace(table, notes=tuple(note for note in (*trace.notes, table.standstill()) if note))

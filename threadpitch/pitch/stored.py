@@ -14,12 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from threadpitch.pitch.recorded import thread_pitch
+from threadpitch.pitch.stream import PitchStream
 from threadpitch.pitch.table import PitchError, PitchTable
 from threadpitch.trace import TURN, FloatArray
 
 SMALLEST = math.radians(0.01)
 LARGEST = TURN
+_ROUNDING = 1e-9  # rad, of a point of the grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,7 @@ class Stored:
     interval: float  # rad
     angle: FloatArray  # (points,) rad
     position: FloatArray  # (points,) m
+    passing: bool = False  # a pass of a longer recording: its turns are counted from its first point on
 
     def pitch_table(self, start_angles: ArrayLike = (0.0,)) -> PitchTable:
         """P(n) out of the stored positions.
@@ -36,7 +38,10 @@ class Stored:
         Raises:
             PitchError: less than one whole turn is stored.
         """
-        table = thread_pitch(self.angle, self.position, start_angles)
+        stream = PitchStream(start_angles, margin=_ROUNDING if self.passing else None)
+        if self.angle.size:
+            stream.add(self.angle, self.position)
+        table = stream.final_table()
         note = (f"P(n) out of positions stored every {math.degrees(self.interval):.6g} degrees "
                 f"({self.angle.size} of them)")
         return replace(table, notes=(*table.notes, note))

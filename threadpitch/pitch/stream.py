@@ -36,17 +36,20 @@ class PitchStream:
         limit: how far the angle may go back from its peak, rad.
         label: what to call the recording in a message.
         source: its file, where the samples come with their lines.
+        margin: turns are counted from the first sample less this, rad, when that is more than a turn away from angle
+            zero, as it is in a pass of a longer recording; None = from angle zero, up to 100 turns.
 
     Raises (the class itself):
         PitchError: start angles that are no finite numbers within 100 turns.
     """
 
     def __init__(self, start_angles: ArrayLike | None = (0.0,), *, limit: float = REVERSAL_LIMIT,
-                 label: str = UNNAMED, source: str = "") -> None:
+                 label: str = UNNAMED, source: str = "", margin: float | None = None) -> None:
         self._asked = None if start_angles is None else _start_angles(start_angles)
         self._limit = limit
         self._label = label
         self._source = source
+        self._margin = margin
         self._size = 0  # samples so far
         self._before = 0  # whole turns between angle zero and the beginning of n = 1
         self._first = np.empty(2)  # angle, position of the first sample
@@ -148,7 +151,12 @@ class PitchStream:
         if self._asked is None:
             self._starts = theta[:1].copy()
         distance = (float(theta[0]) - float(self._starts.min())) / TURN
-        self._before = math.floor(distance * (1.0 + ROUNDING)) if abs(distance) > FARTHEST_ZERO else 0
+        self._before = 0
+        if self._margin is not None and abs(distance) > 1.0:
+            levels = (float(theta[0]) - self._margin - self._starts) / TURN
+            self._before = math.ceil(float(levels.min()) - ROUNDING * abs(distance))
+        elif abs(distance) > FARTHEST_ZERO:
+            self._before = math.floor(distance * (1.0 + ROUNDING))
         self._known = columns_reached(float(theta[0]), self._starts, self._before)
         self._reached = self._known.copy()
         self._extrapolated = np.zeros(self._starts.size, np.bool_)

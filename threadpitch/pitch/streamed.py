@@ -50,7 +50,8 @@ class GroupStream:
             start_angles, self._factor = grid(interval)
         self._label = f"{group.source}, group {group.label!r}"
         limit = self._factor * reversal_limit(group.resolution)
-        self.pitches = PitchStream(start_angles, limit=limit, label=self._label, source=group.source)
+        self.pitches = PitchStream(start_angles, limit=limit, label=self._label, source=group.source,
+                                   margin=None if group.margin is None else self._factor * group.margin)
         self._time = -math.inf  # of the last sample
         self._ends = [math.nan, math.nan]  # first and last angle
 
@@ -91,7 +92,7 @@ class GroupStream:
         table = self.pitches.final_table()
         points = None
         if self._interval is not None:
-            points = stored(table, self._interval)
+            points = replace(stored(table, self._interval), passing=self.group.parted)
             beginning = ("the first stored positions are extrapolated",) if table.extrapolated.any() else ()
             table = points.pitch_table((0.0,) if self._asked is None else self._asked)
             table = replace(table, notes=(*table.notes, *beginning))
@@ -101,18 +102,20 @@ class GroupStream:
 
 def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
                    signals: Signals | None = None, *, interval: float | None = None,
-                   told: Callable[[int], None] | None = None) -> list[StreamedPitch]:
-    """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece.
+                   told: Callable[[int], None] | None = None,
+                   taken: Callable[[str, Piece], None] | None = None) -> list[StreamedPitch]:
+    """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece,
+    ``taken`` gets each piece itself with the label of its group.
 
     With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``).
 
     Raises:
-        TraceError: the log cannot be read (``read_groups``), or latency or outliers are to be mended, which
-            needs the whole.
+        TraceError: the log cannot be read (``read_groups``), or something is asked for that needs the whole.
         PitchError: a group has less than one whole turn.
     """
-    if signals is not None and signals.needs_the_whole:
-        raise TraceError("latency and outliers need the whole log in memory; use pitch_tables")
+    if choice.index_enable is not None or (signals is not None and signals.needs_the_whole):
+        raise TraceError("latency, outliers, index enable and synchronous motion need the whole log in memory; use "
+                         "pitch_tables")
     found: list[StreamedPitch] = []
     now: GroupStream | None = None
     with closing(read_pieces(path, choice, signals)) as pieces, closing(_read_ahead(pieces)) as ahead:
@@ -122,6 +125,8 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
                     found.append(now.result())
                 now = GroupStream(group, start_angles, interval)
             now.add(piece)
+            if taken is not None:
+                taken(group.label, piece)
             if told is not None:
                 told(piece.angle.size)
     if now is not None:

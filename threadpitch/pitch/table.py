@@ -58,7 +58,7 @@ class PitchTable:
             return ""
         turns = np.flatnonzero(still) + 1
         which = f"turn {turns[0]}" if turns.size == 1 else f"{turns.size} turns, the first of them {turns[0]}"
-        return f"the position does not move in {which}: is its sensor stuck?"
+        return f"the position does not move in {which}: is its sensor stuck, or is the axis not threading there?"
 
     @property
     def minimum(self) -> FloatArray:

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import importlib
 import logging
+import math
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from threadpitch.trace.array_log import Array, ArrayLog, Chunks
-from threadpitch.trace.choice import ColumnChoice
+from threadpitch.trace import sinumerik
+from threadpitch.trace.array_log import ArrayLog, Columns
+from threadpitch.trace.channels import Channel, aligned, clock_notes
+from threadpitch.trace.choice import ColumnChoice, is_time, time_factor
+from threadpitch.trace.passes import Array
 from threadpitch.trace.recording import TraceError
+from threadpitch.trace.soundness import FloatArray
 
 CHUNK = 1 << 18  # rows that are read at once
 _MAGIC = ((b"PAR1", "Parquet"), (b"\x89HDF\r\n\x1a\n", "HDF5"), (b"TDSm", "TDMS"), (b"MDF     ", "MDF"),
@@ -25,6 +32,8 @@ def array_format(path: Path) -> str:
     """The format that a file begins with; "" for none of them."""
     if path.is_dir():
         return "Parquet" if any(path.glob("*.parquet")) else ""
+    if not path.is_file():
+        return ""  # of a pipe nothing may be read twice
     try:
         with open(path, "rb") as file:
             start = file.read(_USER_BLOCK + 8)
@@ -32,6 +41,8 @@ def array_format(path: Path) -> str:
         return ""
     if start[_USER_BLOCK:].startswith(b"\x89HDF"):
         return "HDF5"
+    if sinumerik.ROOT in start:
+        return "SINUMERIK trace"
     return next((name for magic, name in _MAGIC if start.startswith(magic)), "")
 
 
@@ -42,7 +53,8 @@ def array_log(path: Path, name: str, choice: ColumnChoice) -> ArrayLog:
         TraceError: the library is missing, the file is damaged, a column is not there or cannot be told.
     """
     openers: dict[str, Callable[[Path, ColumnChoice], ArrayLog]] = {
-        "Parquet": _parquet, "HDF5": _hdf5, "TDMS": _tdms, "MDF": _mdf, "MAT": _mat}
+        "Parquet": _parquet, "HDF5": _hdf5, "TDMS": _tdms, "MDF": _mdf, "MAT": _mat,
+        "SINUMERIK trace": _sinumerik}
     with _damage_named(path, name):
         return openers[name](path, choice)
 
@@ -51,7 +63,9 @@ def array_log(path: Path, name: str, choice: ColumnChoice) -> ArrayLog:
 def _damage_named(path: Path, name: str) -> Iterator[None]:
     try:
         yield
-    except (TraceError, KeyboardInterrupt, GeneratorExit):
+    except TraceError as error:
+        raise error if str(error).startswith(str(path)) else TraceError(f"{path}: {error}") from None
+    except (KeyboardInterrupt, GeneratorExit):
         raise
     except Exception as error:  # the libraries raise whatever a damaged file leads them to
         text = " ".join(str(error).split())[:120] or type(error).__name__
@@ -67,12 +81,12 @@ def _library(module: str, path: Path, extra: str) -> Any:
                          f"pip install 'threadpitch[{extra}]', or export the log as CSV") from None
 
 
-def _log(path: Path, name: str, columns: Sequence[tuple[str, str]], chunks: Chunks, choice: ColumnChoice) -> ArrayLog:
+def _log(path: Path, name: str, columns: Columns, choice: ColumnChoice) -> ArrayLog:
     def guarded(wanted: Sequence[int]) -> Generator[list[Array]]:
         with _damage_named(path, name):
-            yield from chunks(wanted)
+            yield from columns.chunks(wanted)
 
-    return ArrayLog(str(path), [column for column, _ in columns], [unit for _, unit in columns], guarded, choice)
+    return ArrayLog(str(path), replace(columns, chunks=guarded), choice)
 
 
 def _parquet(path: Path, choice: ColumnChoice) -> ArrayLog:
@@ -80,57 +94,83 @@ def _parquet(path: Path, choice: ColumnChoice) -> ArrayLog:
     parquet = _library("pyarrow.parquet", path, "parquet")
     parts = sorted(path.glob("*.parquet")) if path.is_dir() else [path]
     schema = parquet.read_schema(parts[0])
-    columns = [(field.name, (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace")) for field in schema]
+    names = [field.name for field in schema]
+    units = [(field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for field in schema]
 
     def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
-        names = [columns[i][0] for i in wanted]
+        chosen = [names[i] for i in wanted]
         for part in parts:
             with parquet.ParquetFile(part) as file:
                 for group in range(file.num_row_groups):  # one by one: memory is given back only at their ends
-                    for batch in file.iter_batches(batch_size=CHUNK, row_groups=[group], columns=names):
-                        yield [batch.column(name).to_numpy(zero_copy_only=False) for name in names]
+                    for batch in file.iter_batches(batch_size=CHUNK, row_groups=[group], columns=chosen):
+                        yield [batch.column(name).to_numpy(zero_copy_only=False) for name in chosen]
 
-    return _log(path, "Parquet", columns, chunks, choice)
+    return _log(path, "Parquet", Columns(names, units, chunks), choice)
 
 
 def _hdf5(path: Path, choice: ColumnChoice) -> ArrayLog:
-    """All datasets of one dimension, or of one row or column (MATLAB 7.3), by their path."""
-    h5py = _library("h5py", path, "hdf5")
-    columns: list[tuple[str, str]] = []
+    """All datasets of one dimension, or of one row or column (MATLAB 7.3), by their path.
 
-    def visit(name: str, found: Any) -> None:
-        vector = isinstance(found, h5py.Dataset) and found.size == max(found.shape, default=0)
-        if vector and found.dtype.kind in "fiubSO":
-            unit = found.attrs.get("unit", found.attrs.get("units", ""))
-            columns.append((name, unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)))
+    The clock of a dataset is the dataset called time of the same length in its group, or in the next one above.
+    """
+    h5py = _library("h5py", path, "hdf5")
+    found: dict[str, tuple[int, str]] = {}  # path: length, unit
+
+    def visit(name: str, one: Any) -> None:
+        vector = isinstance(one, h5py.Dataset) and one.size == max(one.shape, default=0)
+        if vector and one.dtype.kind in "fiubSO":
+            unit = one.attrs.get("unit", one.attrs.get("units", ""))
+            found[name] = one.size, unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
 
     with h5py.File(path, "r") as file:
         file.visititems(visit)
+    names = list(found)
+    clocks = [_clock_beside(name, {other: size for other, (size, _) in found.items()}) for name in names]
 
     def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
         with h5py.File(path, "r") as file:
-            sets = [file[columns[i][0]] for i in wanted]
-            lengths = {max(one.shape, default=0) for one in sets}
-            step = CHUNK if len(lengths) == 1 else max(lengths)
-            for first in range(0, max(lengths), step):
-                part = slice(first, first + step)
-                yield [np.asarray(one[part] if one.ndim == 1 else np.asarray(one[...]).ravel()[part]) for one in sets]
+            def channel(i: int) -> Channel:
+                clock = clocks[i]
+                seconds = 1.0 if clock is None else time_factor(clock, found[clock][1])
+                return Channel(names[i], found[names[i]][0], partial(_vector, file[names[i]]), clock,
+                               None if clock is None else lambda a, b: seconds * _vector(file[clock], a, b))
 
-    return _log(path, "HDF5", columns, chunks, choice)
+            yield from aligned([channel(i) for i in wanted], CHUNK)
+
+    return _log(path, "HDF5", Columns(names, [unit for _, unit in found.values()], chunks, notes=clock_notes(clocks)),
+                choice)
+
+
+def _clock_beside(name: str, sizes: dict[str, int]) -> str | None:
+    """The time of a dataset: the nearest of the same length, in its group or above."""
+    folder = name
+    while folder:
+        folder = folder.rpartition("/")[0]
+        for other, size in sizes.items():
+            parent, _, last = other.rpartition("/")
+            if parent == folder and size == sizes[name] and is_time(last):
+                return other
+    return None
+
+
+def _vector(dataset: Any, first: int, last: int) -> Array:
+    if dataset.ndim == 1:
+        return np.asarray(dataset[first:last])
+    return np.asarray(dataset[first:last, 0] if dataset.shape[0] > 1 else dataset[0, first:last])
 
 
 def _mat(path: Path, choice: ColumnChoice) -> ArrayLog:
-    """MATLAB up to version 7: all vectors."""
-    from scipy.io import loadmat  # takes its time to load
+    """MATLAB up to version 7: all vectors; those that are chosen are read, and wholly."""
+    from scipy.io import loadmat, whosmat  # takes its time to load
 
-    vectors = {name: np.asarray(value).ravel() for name, value in loadmat(path).items()
-               if not name.startswith("__") and np.size(value) == max(np.shape(value), default=0) > 1}
-    columns = [(name, "") for name in vectors]
+    names = [name for name, shape, _ in whosmat(path) if math.prod(shape) == max(shape, default=0) > 1]
 
     def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
-        yield [vectors[columns[i][0]] for i in wanted]
+        chosen = [names[i] for i in wanted]
+        vectors = loadmat(path, variable_names=chosen)
+        yield [np.asarray(vectors[name]).ravel() for name in chosen]
 
-    return _log(path, "MAT", columns, chunks, choice)
+    return _log(path, "MAT", Columns(names, [""] * len(names), chunks), choice)
 
 
 def _tdms(path: Path, choice: ColumnChoice) -> ArrayLog:
@@ -138,47 +178,122 @@ def _tdms(path: Path, choice: ColumnChoice) -> ArrayLog:
     nptdms = _library("nptdms", path, "tdms")
     nptdms.log.log_manager.set_level(logging.ERROR)  # what it warns of becomes an error here, in one line
     with nptdms.TdmsFile.read_metadata(path) as file:
-        channels = [(group.name, channel.name, channel.properties) for group in file.groups() for channel in
-                    group.channels()]
-    names = [name for _, name, _ in channels]
-    columns = [(name if names.count(name) == 1 else f"{group}/{name}", str(properties.get("unit_string", "")))
-               for group, name, properties in channels]
-    increments = [float(properties["wf_increment"]) for _, _, properties in channels if "wf_increment" in properties]
-    if increments:
-        columns.append(("time", "s"))
+        found = [(group.name, channel.name, len(channel), dict(channel.properties)) for group in file.groups()
+                 for channel in group.channels()]
+    every = [name for _, name, _, _ in found]
+    names = [name if every.count(name) == 1 else f"{group}/{name}" for group, name, _, _ in found]
+    units = [str(properties.get("unit_string", "")) for _, _, _, properties in found]
+    clocks = [_waveform(properties) or _clock_beside(f"{group}/{name}", {f"{a}/{b}": size for a, b, size, _ in found})
+              for group, name, _, properties in found]
+    if any(isinstance(clock, Waveform) for clock in clocks):
+        names, units = [*names, "time"], [*units, "s"]
 
     def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
         with nptdms.TdmsFile.open(path) as file:
-            found = [file[channels[i][0]][channels[i][1]] if i < len(channels) else None for i in wanted]
-            lengths = {len(channel) for channel in found if channel is not None}
-            step = CHUNK if len(lengths) == 1 else max(lengths)
-            for first in range(0, max(lengths), step):
-                last = min(first + step, max(lengths))
-                yield [increments[0] * np.arange(first, last) if channel is None else np.asarray(channel[first:last])
-                       for channel in found]
+            def samples(group: str, name: str, first: int, last: int) -> Array:
+                return np.asarray(file[group][name][first:last])
 
-    return _log(path, "TDMS", columns, chunks, choice)
+            def channel(i: int) -> Channel:
+                if i == len(found):
+                    own = channel(wanted[0])
+                    if own.instants is None:
+                        raise TraceError(f"{path}: the angle has no time; name the time column")
+                    return replace(own, name="time", read=own.instants)
+                group, name, size, _ = found[i]
+                clock, instants = clocks[i], None
+                if isinstance(clock, Waveform):
+                    beginning = clocks[wanted[0]]
+                    instants = clock.instants(beginning if isinstance(beginning, Waveform) else clock)
+                elif clock is not None:
+                    seconds, (folder, _, last) = time_factor(clock, ""), clock.rpartition("/")
+                    instants = lambda a, b: seconds * samples(folder, last, a, b)  # noqa: E731 -- it is one of two
+                return Channel(names[i], size, partial(samples, group, name), clock, instants)
+
+            yield from aligned([channel(i) for i in wanted], CHUNK)
+
+    return _log(path, "TDMS", Columns(names, units, chunks, notes=clock_notes([*clocks, None])), choice)
+
+
+@dataclass(frozen=True)
+class Waveform:
+    """Time of a TDMS channel: t_k = start + offset + k increment."""
+
+    start: np.datetime64 | None
+    offset: float  # s
+    increment: float  # s
+
+    def instants(self, reference: Waveform) -> Callable[[int, int], FloatArray]:
+        """s, from the start of another waveform."""
+        begin = self.offset
+        if self.start is not None and reference.start is not None:
+            begin += float((self.start - reference.start) / np.timedelta64(1, "us")) * 1e-6
+        return lambda first, last: begin + self.increment * np.arange(first, last, dtype=np.float64)
+
+
+def _waveform(properties: dict[str, Any]) -> Waveform | None:
+    increment = float(properties.get("wf_increment", 0.0))
+    if not increment > 0.0:
+        return None
+    return Waveform(properties.get("wf_start_time"), float(properties.get("wf_start_offset", 0.0)), increment)
 
 
 def _mdf(path: Path, choice: ColumnChoice) -> ArrayLog:
-    """Channels of MDF 3 and 4; those of other rates are interpolated at the instants of the angle."""
+    """Channels of MDF 3 and 4; the clock of each is its channel group."""
     asammdf = _library("asammdf", path, "mdf")
     for reader in (asammdf.blocks.mdf_v3.MDF3, asammdf.blocks.mdf_v4.MDF4):
         _silence_the_end(reader)
-    with asammdf.MDF(path) as file:
+    with open(path, "rb") as stream, asammdf.MDF(stream) as file:  # asammdf leaves a damaged file open
         places = [(g, c) for g, group in enumerate(file.groups) for c, _ in enumerate(group.channels)
                   if file.masters_db.get(g) != c]
-        columns = [(file.groups[g].channels[c].name, file.groups[g].channels[c].unit or "") for g, c in places]
-    columns.append(("time", "s"))
+        names = [file.groups[g].channels[c].name for g, c in places]
+        units = [file.groups[g].channels[c].unit or "" for g, c in places]
 
     def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
-        with asammdf.MDF(path) as file:
-            signals: list[Any] = [None if i == len(places) else file.get(group=places[i][0], index=places[i][1])
-                                  for i in wanted]
-        instants = signals[0].timestamps
-        yield [instants if one is None else _at(instants, one.timestamps, np.asarray(one.samples)) for one in signals]
+        with open(path, "rb") as stream, asammdf.MDF(stream) as file:  # asammdf leaves a damaged file open
+            def channel(i: int) -> Channel:
+                group, index = places[wanted[0] if i == len(places) else i]
 
-    return _log(path, "MDF", columns, chunks, choice)
+                def instants(first: int, last: int) -> FloatArray:
+                    return np.asarray(file.get_master(group, record_offset=first, record_count=last - first))
+
+                def samples(first: int, last: int) -> Array:
+                    return np.asarray(file.get(group=group, index=index, record_offset=first, samples_only=True,
+                                               record_count=last - first)[0])
+
+                if i == len(places):
+                    return Channel("time", file.groups[group].channel_group.cycles_nr, instants, group, instants)
+                return Channel(names[i], file.groups[group].channel_group.cycles_nr, samples, group, instants)
+
+            yield from aligned([channel(i) for i in wanted], CHUNK)
+
+    clocks = [group for group, _ in places]
+    return _log(path, "MDF", Columns([*names, "time"], [*units, "s"], chunks, notes=clock_notes([*clocks, None])),
+                choice)
+
+
+def _sinumerik(path: Path, choice: ColumnChoice) -> ArrayLog:
+    """A trace of SINUMERIK Operate: signals by description and address, each with the time of its samples."""
+    session = sinumerik.read_session(path)
+    names = [signal.name for signal in session.signals]
+    instants = [signal.instants for signal in session.signals]
+    clocks = [next(k for k, other in enumerate(instants) if np.array_equal(one, other)) for one in instants]
+
+    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
+        def channel(i: int) -> Channel:
+            own = wanted[0] if i == len(names) else i
+            time = instants[own]
+            values = time if i == len(names) else session.signals[i].samples
+            return Channel([*names, "time"][i], time.size, lambda a, b: values[a:b], clocks[own],
+                           lambda a, b: time[a:b])
+
+        yield from aligned([channel(i) for i in wanted], CHUNK)
+
+    more = session.frames - 1
+    read = ("read as a trace of SINUMERIK Operate, whose layout is not published; it tells no units",
+            *([f"{more} further data frames of the file are not read"] if more else []))
+    columns = Columns([*names, "time"], [""] * len(names) + ["s"], chunks, sinumerik.ANGLE_UNIT,
+                      lambda chosen: (*read, *clock_notes([*clocks, None])(chosen)))
+    return _log(path, "SINUMERIK trace", columns, choice)
 
 
 def _silence_the_end(reader: Any) -> None:
@@ -192,12 +307,3 @@ def _silence_the_end(reader: Any) -> None:
             end(self)
 
     reader.__del__ = silent
-
-
-def _at(instants: Array, own: Array, values: Array) -> Array:
-    """The values at other instants: interpolated linearly; what is no floating number holds until it changes."""
-    if own.shape == instants.shape and np.array_equal(own, instants):
-        return values
-    if values.dtype.kind == "f":
-        return np.interp(instants, own, values)
-    return values[np.maximum(np.searchsorted(own, instants, side="right") - 1, 0)]

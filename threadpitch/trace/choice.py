@@ -44,8 +44,13 @@ class ColumnChoice:
     which needs ``counts_per_turn``. Without ``group`` all rows are one group, called 1. Without ``time`` a column that
     is called time or t, with or without its unit, is taken.
 
+    With ``angle_b`` the columns angle and angle_b are the levels A and B of an incremental encoder, which are counted;
+    ``index`` is its one-turn pulse. With ``index_enable`` (and no group) a pass begins where that column falls, as it
+    does when the awaited index comes, and ends before it rises again.
+
     Raises:
-        TraceError: a unit is not known or does not fit; ``counts_per_turn`` is missing or not positive.
+        TraceError: a unit is not known or does not fit; ``counts_per_turn`` is missing or not positive; columns that
+            do not go together.
     """
 
     angle: str | None = None
@@ -55,10 +60,22 @@ class ColumnChoice:
     group: str | None = None
     time: str | None = None
     counts_per_turn: float | None = None
+    angle_b: str | None = None
+    index: str | None = None
+    index_enable: str | None = None
 
     def __post_init__(self) -> None:
         if self.counts_per_turn is not None and not 0.0 < self.counts_per_turn < float("inf"):
             raise TraceError(f"counts per turn is {self.counts_per_turn}; give a positive number")
+        if self.angle_b is not None and (self.angle is None or self.counts_per_turn is None):
+            raise TraceError("the levels A and B of an encoder need both columns and the counts per turn (lines times "
+                             "4)")
+        if self.angle_b is None and self.index is not None:
+            raise TraceError("the one-turn pulse goes with the levels A and B; name the column of B too")
+        if self.index_enable is not None and self.group is not None:
+            raise TraceError("passes begin by the index enable or by a group, not by both; name one of them")
+        if self.angle_b is not None and self.angle_unit not in (None, "count"):
+            raise TraceError(f"the levels A and B give counts, not {brief(self.angle_unit or '')}; leave the unit out")
         if self.angle_unit is not None:
             angle_factor(self.angle_unit, self.counts_per_turn)
         if self.position_unit is not None and self.position_unit not in _ANGLES:  # those are of a motor, with a lead
@@ -79,6 +96,22 @@ class Chosen:
     counts_per_turn: float | None
     notes: tuple[str, ...] = ()
     time_is_guessed: bool = False
+    angle_b: int | None = None
+    index: int | None = None
+    index_enable: int | None = None
+
+    @property
+    def numbers(self) -> dict[str, int]:
+        """The columns of numbers, by the names that a ``Piece`` gives them."""
+        found = {"angle": self.angle, "position": self.position, "time": self.time, "angle_b": self.angle_b,
+                 "index": self.index}
+        return {name: column for name, column in found.items() if column is not None}
+
+    @property
+    def columns(self) -> list[int]:
+        """All columns that are read, each once; that of the angle first."""
+        found = [*self.numbers.values(), self.group, self.index_enable]
+        return list(dict.fromkeys(column for column in found if column is not None))
 
     @property
     def angle_factor(self) -> float:
@@ -123,8 +156,11 @@ def brief(text: str) -> str:
     return repr(text if len(text) <= _SHOWN else text[:_SHOWN] + "...")
 
 
-def choose(place: str, header: Sequence[str], choice: ColumnChoice, stated: Sequence[str] = ()) -> Chosen:
+def choose(place: str, header: Sequence[str], choice: ColumnChoice, stated: Sequence[str] = (),
+           usual_angle: str = "rev") -> Chosen:
     """The columns of a log with this header; ``stated``: units that the file gives beside the names, "" for none.
+
+    ``usual_angle`` is the unit of an angle that has none.
 
     Raises:
         TraceError: a column is not there, or more than once, or cannot be told from the others.
@@ -132,29 +168,50 @@ def choose(place: str, header: Sequence[str], choice: ColumnChoice, stated: Sequ
     names = [name.strip() for name in header]
     found = [unit_of(name) for name in names]
     told = [_known(own) or unit for own, unit in zip(stated or [""] * len(names), found, strict=True)]
-    notes: list[str] = []
-    guess = choice.angle is None or choice.position is None
     angle = _named_or_guessed(place, names, told, choice.angle, "angle")
     position = _named_or_guessed(place, names, told, choice.position, "position")
-    group = None if choice.group is None else _index(place, names, choice.group)
-    if guess and group is None:
-        group = _guess_group(names)
-    angle_unit = choice.angle_unit or (told[angle] if told[angle] in _ANGLES else "rev")
+    named = {name: None if column is None else _index(place, names, column) for name, column in {
+        "group": choice.group, "angle_b": choice.angle_b, "index": choice.index,
+        "index_enable": choice.index_enable}.items()}
+    guess = choice.angle is None or choice.position is None
+    if guess and choice.group is None and choice.index_enable is None:
+        named["group"] = _guess_group(names)
+    angle_unit = choice.angle_unit or (told[angle] if told[angle] in _ANGLES else usual_angle)
+    if choice.angle_b is not None:
+        angle_unit = "count"
     if angle_unit == "count" and choice.counts_per_turn is None:
         raise TraceError(f"{place}: the angle in column {brief(names[angle])} is counts; give the counts per turn "
                          "(lines of the encoder times 4)")
     position_unit = choice.position_unit or (told[position] if told[position] in _LENGTHS | _ANGLES else "mm")
-    time = next((i for i, name in enumerate(names) if _TIME_NAME.fullmatch(name)), None)
-    time_is_guessed = choice.time is None
-    if choice.time is not None:
-        time = _index(place, names, choice.time)
+    time = _time_column(names, angle) if choice.time is None else _index(place, names, choice.time)
+    notes = []
     if guess:
+        group = named["group"]
         notes.append(f"columns by their names: angle {brief(names[angle])} in {angle_unit}, position "
                      f"{brief(names[position])} in {position_unit}"
                      + (f", passes by {brief(names[group])}" if group is not None else ""))
     time_unit = told[time] if time is not None and told[time] in _TIMES else "s"
-    return Chosen(angle, position, group, time, angle_unit, position_unit, time_unit, choice.counts_per_turn,
-                  tuple(notes), time_is_guessed)
+    return Chosen(angle, position, named["group"], time, angle_unit, position_unit, time_unit, choice.counts_per_turn,
+                  tuple(notes), choice.time is None, named["angle_b"], named["index"], named["index_enable"])
+
+
+def is_time(name: str) -> bool:
+    """Whether a column is called time or t, with or without its unit."""
+    return _TIME_NAME.fullmatch(name) is not None
+
+
+def time_factor(name: str, unit: str) -> float:
+    """``s = factor * value`` of a time with this name and unit; s where none is told."""
+    told = _known(unit) or unit_of(name.rpartition("/")[2])
+    return units.to_si(1.0, told if told in _TIMES else "s")
+
+
+def _time_column(names: Sequence[str], angle: int) -> int | None:
+    """The column called time: that beside the angle, where names are paths (``run/spindle/time``)."""
+    beside = names[angle].rpartition("/")[0]
+    found = [i for i, name in enumerate(names) if is_time(name)]
+    return next((i for i, name in enumerate(names) if beside and name.startswith(f"{beside}/")
+                 and is_time(name[len(beside) + 1 :])), found[0] if found else None)
 
 
 def unit_of(name: str) -> str:
@@ -229,5 +286,9 @@ def _index(place: str, names: list[str], name: str) -> int:
                          "own")
     if name.isascii() and name.isdigit() and 1 <= int(name) <= len(names):
         return int(name) - 1
+    parts = [i for i, other in enumerate(names)
+             if other.endswith(f"/{name.strip()}") or other.startswith(f"{name.strip()}: ")]
+    if len(parts) == 1:
+        return parts[0]  # the last part of a path, or a description before an address
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.4) or names[:12]
     raise TraceError(f"{place}: there is no column {brief(name)}; nearest are {', '.join(map(brief, near))}")

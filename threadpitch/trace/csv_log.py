@@ -1,8 +1,7 @@
-"""Reader for text logs, plain or compressed by gzip: rows -> pieces of groups.
+"""Reader for text logs, plain or compressed by gzip: rows -> pieces of passes.
 
-The standard library's ``csv`` splits the rows, block by block: it is the only reader at hand that keeps the number of
-every line for the messages (numpy's readers name neither file nor line, and take no text column beside numbers
-without a second pass), and the large readers (pandas, polars, arrow) would be the heaviest dependency of all.
+The standard library's ``csv`` splits the rows: it is the only reader at hand that keeps the number of every line for
+the messages. Long well-formed stretches are read by pyarrow where that is installed (``fast_text``).
 """
 
 from __future__ import annotations
@@ -10,15 +9,16 @@ from __future__ import annotations
 import re
 from collections.abc import Generator, Iterator
 from dataclasses import replace
-from itertools import groupby
 
 import numpy as np
 
+from threadpitch.trace import fast_text
 from threadpitch.trace.choice import ColumnChoice, brief, choose
-from threadpitch.trace.groups import Labels, Piece
+from threadpitch.trace.passes import Array, Cutter, Piece
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import FloatArray
-from threadpitch.trace.text_rows import Block
+from threadpitch.trace.text_head import Head
+from threadpitch.trace.text_rows import Block, Text, headed, split
 
 
 class TextLog:
@@ -29,83 +29,69 @@ class TextLog:
             NaN in a number, rows of unequal length, no threading row.
     """
 
-    def __init__(self, source: str, blocks: Generator[Block], choice: ColumnChoice) -> None:
+    def __init__(self, source: str, texts: Generator[str], choice: ColumnChoice) -> None:
         self.source = source
-        self._blocks = blocks
+        self._file = texts
+        self._texts = headed(texts, source)
         try:
             self._begin(choice)
-        except TraceError:
+        except BaseException:
             self.close()
             raise
 
     def close(self) -> None:
         """Close the file."""
-        self._blocks.close()
+        self._texts.close()
+        self._file.close()
 
     def _begin(self, choice: ColumnChoice) -> None:
-        self._first = next(self._blocks, None)
-        if self._first is None:
+        for head, text in self._texts:
+            block = split(text, head, self.source)
+            if block.rows:
+                break
+        else:
             raise TraceError(f"{self.source}: there are no rows below the header")
-        place = f"{self.source}:{self._first.header_line}"
-        if self._first.numbered and not (choice.angle or "").isdigit():
+        self._head, self._first = head, block
+        place = f"{self.source}:{head.line}"
+        if head.numbered and not (choice.angle or "").isdigit():
             raise TraceError(f"{place}: the first row holds numbers; give a header with the names of the columns, or "
                              "choose the columns by number, from 1")
-        self.chosen = choose(place, self._first.header, choice, self._first.units)
-        if self._first.notes:
-            self.chosen = replace(self.chosen, notes=(*self.chosen.notes, *self._first.notes))
-        self._labels = Labels()
-        self._label = ""  # of the row before
+        chosen = choose(place, head.names, choice, head.units)
+        if chosen.time is not None and chosen.time_is_guessed and not _is_number(block.rows[0][chosen.time]):
+            chosen = replace(chosen, time=None)  # what is only called time, but holds a date, is no time in seconds
+        self.chosen = replace(chosen, notes=(*chosen.notes, *head.notes))
 
     def pieces(self) -> Iterator[Piece]:
-        """The threading rows, as long as they have one label and lie in one block."""
-        assert self._first is not None
-        threading = False
-        for block in self._all_blocks(self._first):
-            for piece in self._of_block(block):
-                threading = True
-                yield piece
-        if not threading:
-            group = self.chosen.group
-            name = brief(self._first.header[group].strip()) if group is not None else ""
-            raise TraceError(f"{self.source}: no row is threading: column {name} is 0, empty or false everywhere; "
-                             "choose another group column or none")
+        """The threading rows, as long as they have one label and lie in one text."""
+        cutter = Cutter(self.source, self.chosen, [name.strip() for name in self._head.names])
+        yield from self._of_rows(self._first, cutter)
+        for _, text in self._texts:
+            yield from self._of_text(text, cutter)
+        cutter.end()
 
-    def _all_blocks(self, first: Block) -> Iterator[Block]:
-        yield first
-        yield from self._blocks
-
-    def _of_block(self, block: Block) -> Iterator[Piece]:
+    def _of_text(self, text: Text, cutter: Cutter) -> Iterator[Piece]:
         group = self.chosen.group
-        labels = ["1"] * len(block.rows) if group is None else [self._labels[row[group]] for row in block.rows]
-        first = 0
-        for label, run in groupby(labels):
-            last = first + sum(1 for _ in run)
-            if label:
-                yield self._piece(label, label != self._label, block.part(first, last))
-            self._label = label
-            first = last
+        numbers = [column for column in self.chosen.columns if column != group]
+        fast = fast_text.columns_of(text, self._head, numbers, group)
+        if fast is None:
+            yield from self._of_rows(split(text, self._head, self.source), cutter)
+            return
+        lines = np.arange(text.before + 1, text.before + 1 + fast.size)
+        yield from cutter.pieces(fast.size, fast.texts, lambda column, part: fast.numbers[column][part], lines)
 
-    def _piece(self, label: str, opens: bool, block: Block) -> Piece:
-        self._drop_guessed_text(block.rows[0])
-        chosen = self.chosen
-        return Piece(
-            label,
-            opens,
-            _numbers(block, chosen.angle),
-            _numbers(block, chosen.position),
-            None if chosen.time is None else _numbers(block, chosen.time),
-            np.array(block.lines, dtype=np.int64),
-        )
+    def _of_rows(self, block: Block, cutter: Cutter) -> Iterator[Piece]:
+        group = self.chosen.group
+        groups: Array | None = None
+        if group is not None:
+            groups = np.array([row[group] for row in block.rows], dtype=object)
 
-    def _drop_guessed_text(self, row: list[str]) -> None:
-        """A column that is only called time, but holds a date, is not a time in seconds."""
-        time = self.chosen.time
-        if time is not None and self.chosen.time_is_guessed and not _is_number(row[time]):
-            self.chosen = replace(self.chosen, time=None)
-        self.chosen = replace(self.chosen, time_is_guessed=False)
+        def numbers(column: int, part: slice) -> FloatArray:
+            return _numbers(Block(block.lines[part], block.rows[part]), column, self._head, self.source)
+
+        yield from cutter.pieces(len(block.rows), groups, numbers, np.array(block.lines, dtype=np.int64))
 
 
-def _numbers(block: Block, column: int) -> FloatArray:
+def _numbers(block: Block, column: int, head: Head, source: str) -> FloatArray:
     try:
         found = np.fromiter((float(row[column]) for row in block.rows), np.float64, len(block.rows))
     except ValueError:
@@ -114,11 +100,11 @@ def _numbers(block: Block, column: int) -> FloatArray:
         return found
     line, text = next((line, row[column]) for line, row in zip(block.lines, block.rows, strict=True)
                       if not _is_number(row[column]))
-    name = block.header[column].strip()
+    name = head.names[column].strip()
     if not text.strip():
-        raise TraceError(f"{block.source}:{line}: column {brief(name)} is empty; mend or leave out this row")
+        raise TraceError(f"{source}:{line}: column {brief(name)} is empty; mend or leave out this row")
     mend = "write the decimal sign as a point" if re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text) else "mend this row"
-    raise TraceError(f"{block.source}:{line}: column {brief(name)} holds {brief(text)}, not a number; {mend}")
+    raise TraceError(f"{source}:{line}: column {brief(name)} holds {brief(text)}, not a number; {mend}")
 
 
 def _is_number(text: str) -> bool:

@@ -9,41 +9,24 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from threadpitch.trace.choice import Chosen
-from threadpitch.trace.recording import IntArray, Trace, TraceError
-from threadpitch.trace.signals import Clock, Continuous, Signals, estimated_latency, without_latency, without_outliers
+from threadpitch.trace.passes import Piece
+from threadpitch.trace.quadrature import LevelError, Quadrature
+from threadpitch.trace.recording import Trace, TraceError
+from threadpitch.trace.signals import (
+    NEVER,
+    Clock,
+    Continuous,
+    Signals,
+    estimated_latency,
+    without_latency,
+    without_outliers,
+)
 from threadpitch.trace.soundness import TURN, FloatArray
+from threadpitch.trace.synchronous import LEAST_TURNS, synchronous_passes
 
 _HALF_A_TURN = 0.5 * TURN
-_NO_GROUP = {"", "0", "false", "nan", "none", "off"}  # of a group's value: not threading
-
-
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """Neighbouring samples of one group, as the file gives them."""
-
-    label: str
-    opens: bool  # begins a group
-    angle: FloatArray  # (samples,)
-    position: FloatArray  # (samples,)
-    time: FloatArray | None = None  # (samples,)
-    lines: IntArray | None = None  # (samples,) line of the file, from 1
-
-
-class Labels(dict[str, str]):
-    """Text of the group column -> label, "" for rows that are not threading; each text is read once."""
-
-    def __missing__(self, text: str) -> str:
-        label = text.strip()
-        try:
-            number = float(label)
-            if number == 0.0:
-                label = ""
-            elif number.is_integer() and abs(number) < 1e15:
-                label = str(int(number))  # 1, 1.0 and 1e0 are one group
-        except ValueError:
-            pass
-        self[text] = "" if label.casefold() in _NO_GROUP else label
-        return self[text]
+_WITHIN = 0.999
+_INDEX_WITHIN = 1.5 * TURN  # rad, in which the first index must have come
 
 
 @dataclass
@@ -59,12 +42,16 @@ class Group:
     def __post_init__(self) -> None:
         chosen, signals = self.chosen, self.signals
         turn = TURN / chosen.angle_factor
-        self._angle = Continuous("angle", signals.angle_wrap, turn, chosen.angle_unit == "count")
+        wrap = signals.angle_wrap if chosen.angle_b is None else NEVER  # what is counted here does not wrap
+        self._angle = Continuous("angle", wrap, turn, chosen.angle_unit == "count")
         self._position = Continuous("position", signals.position_wrap, math.inf)
         self._position_factor = signals.position_factor(chosen.position_unit)
         self._clock = Clock()
+        self._levels = None if chosen.angle_b is None else Quadrature(chosen.counts_per_turn or turn)
         self._first: float | None = None
         self._sign = 0.0  # of the angle's first half turn
+        self._zero: float | None = None if chosen.index is not None else 0.0  # rad, the angle at the first index
+        self.margin: float | None = None
         self._waiting: list[Piece] = []
 
     @property
@@ -72,8 +59,16 @@ class Group:
         """One count of the spindle's encoder, rad; 0 = not known."""
         return self.chosen.angle_factor if self.chosen.angle_unit == "count" else 0.0
 
+    @property
+    def parted(self) -> bool:
+        """The recording has passes: their turns are counted from where each begins."""
+        return self.chosen.group is not None or self.chosen.index_enable is not None or self.signals.synchronous
+
     def add(self, raw: Piece) -> list[Piece]:
-        """The pieces that are ready; those before the first half turn wait until the turning direction is known."""
+        """The pieces that are ready; the first wait until the turning direction and angle zero are known."""
+        if self._levels is not None:
+            assert raw.angle_b is not None
+            raw = replace(raw, angle=self._counted(raw), angle_b=None, index=None)
         with np.errstate(over="ignore", invalid="ignore"):  # the trace refuses what becomes infinite
             piece = replace(
                 raw,
@@ -85,17 +80,26 @@ class Group:
         self._waiting.append(piece)
         if self._sign == 0.0:
             self._find_direction(piece.angle)
-        return self.rest() if self._sign != 0.0 else []
+        if self._zero is None:
+            self._find_zero(piece.angle)
+        return self.rest() if self._sign != 0.0 and self._zero is not None else []
 
     def rest(self) -> list[Piece]:
         """The pieces that wait."""
         ready, self._waiting = self._waiting, []
-        return [replace(piece, angle=-piece.angle) for piece in ready] if self._sign < 0.0 else ready
+        if self._zero:
+            ready = [replace(piece, angle=piece.angle - self._zero) for piece in ready]
+        if self._sign < 0.0:
+            ready = [replace(piece, angle=-piece.angle) for piece in ready]
+        if self.parted and self.margin is None and ready:
+            self.margin = first_step(np.concatenate([piece.angle for piece in ready]))
+        return ready
 
     def all_notes(self) -> tuple[str, ...]:
         """What was done to the signals."""
-        found = [*self.chosen.notes, *self.signals.notes(self.chosen), self._angle.note(), self._position.note(),
-                 *self._clock.notes()]
+        levels = "" if self._levels is None else self._levels.note()
+        found = [*self.chosen.notes, *self.signals.notes(self.chosen), levels, self._angle.note(),
+                 self._position.note(), *self._clock.notes()]
         if self._sign < 0.0:
             found.append("the angle counts down: turned around, so that it counts up in the turning direction")
         return tuple(note for note in [*found, *self.notes] if note)
@@ -109,6 +113,23 @@ class Group:
         lines = None if piece.lines is None else piece.lines[kept]
         return replace(piece, angle=piece.angle[kept], position=piece.position[kept], time=piece.time[kept],
                        lines=lines)
+
+    def _counted(self, raw: Piece) -> FloatArray:
+        assert self._levels is not None
+        assert raw.angle_b is not None
+        try:
+            return self._levels.add(raw.angle, raw.angle_b, raw.index)
+        except LevelError as error:
+            place = f"sample {error.sample}" if raw.lines is None else f"{raw.lines[error.sample]}"
+            raise TraceError(f"{self.source}:{place}: {error}") from None
+
+    def _find_zero(self, angle: FloatArray) -> None:
+        """The angle at the first index; angle zero stays at the first sample where none comes."""
+        assert self._levels is not None
+        if self._levels.zero is not None:
+            self._zero = self._levels.zero * self.chosen.angle_factor
+        elif self._first is not None and np.any(np.abs(angle - self._first) > _INDEX_WITHIN):
+            self._zero = 0.0
 
     def _find_direction(self, angle: FloatArray) -> None:
         if angle.size == 0:
@@ -150,27 +171,53 @@ def traces(pieces: Iterable[tuple[Group, Piece]]) -> Iterator[Trace]:
     parts: list[Piece] = []
     for owner, piece in pieces:
         if group is not None and owner is not group:
-            yield _trace(group, parts)
+            yield from _traces(group, parts)
             parts = []
         group = owner
         parts.append(piece)
     if group is not None:
-        yield _trace(group, parts)
+        yield from _traces(group, parts)
 
 
-def _trace(group: Group, parts: list[Piece]) -> Trace:
+def first_step(angle: FloatArray) -> float:
+    """A little less than the first sample is below the next one that is above it, rad: what may be extrapolated."""
+    above = np.flatnonzero(angle > angle[:1])
+    return _WITHIN * float(angle[above[0]] - angle[0]) if above.size else 0.0
+
+
+def _traces(group: Group, parts: list[Piece]) -> Iterator[Trace]:
+    """The trace of a group, or of every pass in it, where they are found by synchronous motion."""
+    whole = _joined(parts, group.label)
+    if not group.signals.synchronous and group.chosen.index_enable is None:
+        yield _trace(group, whole, group.margin)
+        return
+    found = synchronous_passes(whole.angle, whole.position, group.signals.lead)
+    if not found:
+        lead = "" if group.signals.lead is None else f" of {1e3 * group.signals.lead:g} mm per turn"
+        raise TraceError(f"{group.source}, group {group.label!r}: no synchronous motion{lead} of the feed over "
+                         f"{LEAST_TURNS:g} turns was found; are angle and position the right columns?")
+    if group.chosen.index_enable is not None:
+        found = [replace(found[0], first=0)]  # from the index on
+    for number, stretch in enumerate(found, start=1):
+        label = group.label if len(found) == 1 else f"{group.label} ({number})"
+        if group.chosen.group is None and group.chosen.index_enable is None:
+            label = str(number)
+        note = f"taken is the part in which the feed moves {1e3 * abs(stretch.movement):.4g} mm per turn"
+        part = whole.part(slice(stretch.first, stretch.last))
+        yield _trace(group, replace(part, label=label), first_step(part.angle), note)
+
+
+def _joined(parts: list[Piece], label: str) -> Piece:
     times = [part.time for part in parts if part.time is not None]
     lines = [part.lines for part in parts if part.lines is not None]
-    trace = Trace(
-        angle=np.concatenate([part.angle for part in parts]),
-        position=np.concatenate([part.position for part in parts]),
-        time=np.concatenate(times) if times else None,
-        name=group.label,
-        source=group.source,
-        lines=np.concatenate(lines) if lines else None,
-        resolution=group.resolution,
-        notes=group.all_notes(),
-    )
+    return Piece(label, True, np.concatenate([part.angle for part in parts]),
+                 np.concatenate([part.position for part in parts]), np.concatenate(times) if times else None,
+                 np.concatenate(lines) if lines else None)
+
+
+def _trace(group: Group, piece: Piece, margin: float | None, *notes: str) -> Trace:
+    trace = Trace(piece.angle, piece.position, piece.time, name=piece.label, source=group.source, lines=piece.lines,
+                  resolution=group.resolution, notes=(*group.all_notes(), *notes), margin=margin)
     turns = (trace.angle[-1] - trace.angle[0]) / TURN
     if turns > trace.angle.size:
         raise TraceError(f"{trace.whole()}: {turns:.0f} turns in {trace.angle.size} samples; "

@@ -6,7 +6,7 @@ import codecs
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -18,8 +18,8 @@ _BYTES = 1 << 16  # that are read at once
 _HEAD = 4  # lines that must be there before the first are handed on: names, units, and rows for the decimal sign
 
 
-def live_lines(path: Path, idle: float) -> Iterator[list[str]]:
-    """Whole lines in the order in which they come; without the end of a line that never came.
+def live_texts(path: Path, idle: float) -> Generator[str]:
+    """Texts of whole lines in the order in which they come; without the end of a line that never came.
 
     Raises:
         TraceError: the file is missing or became shorter, or holds a gigantic line or zero bytes.
@@ -41,10 +41,10 @@ def live_lines(path: Path, idle: float) -> Iterator[list[str]]:
             waiting += lines
             continue
         if waiting or lines:
-            yield [*waiting, *lines]
+            yield "\n".join([*waiting, *lines, ""])
             waiting = []
     if waiting or rest.strip():
-        yield [*waiting, rest]
+        yield "\n".join([*waiting, rest])
 
 
 def _bytes_of(path: Path, idle: float) -> Iterator[bytes]:

@@ -11,11 +11,12 @@ from typing import Protocol
 from threadpitch.trace.array_files import array_format, array_log
 from threadpitch.trace.choice import Chosen, ColumnChoice
 from threadpitch.trace.csv_log import TextLog
-from threadpitch.trace.groups import Group, Piece, grouped, traces
-from threadpitch.trace.live import live_lines
+from threadpitch.trace.groups import Group, grouped, traces
+from threadpitch.trace.live import live_texts
+from threadpitch.trace.passes import Piece
 from threadpitch.trace.recording import Trace
 from threadpitch.trace.signals import Signals
-from threadpitch.trace.text_rows import STANDARD_INPUT, rows_of, rows_of_lines
+from threadpitch.trace.text_rows import STANDARD_INPUT, texts_of
 
 
 class Log(Protocol):
@@ -38,7 +39,7 @@ def open_log(path: Path, choice: ColumnChoice) -> Log:
         TraceError: whatever keeps the file from being read, a column that is not there or cannot be told.
     """
     name = "" if str(path) == STANDARD_INPUT else array_format(path)
-    return array_log(path, name, choice) if name else TextLog(str(path), rows_of(path), choice)
+    return array_log(path, name, choice) if name else TextLog(str(path), texts_of(path), choice)
 
 
 def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) \
@@ -61,7 +62,7 @@ def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = Non
     Raises:
         TraceError: as ``read_pieces``; the file became shorter.
     """
-    with closing(TextLog(str(path), rows_of_lines(live_lines(path, idle), str(path)), choice)) as log:
+    with closing(TextLog(str(path), live_texts(path, idle), choice)) as log:
         yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
 
 

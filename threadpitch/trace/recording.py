@@ -46,6 +46,7 @@ class Trace:
     lines: IntArray | None = None  # (samples,) line of the file, from 1
     resolution: float = 0.0  # rad, one count of the encoder; 0 = not known
     notes: tuple[str, ...] = ()  # what was done to the recording
+    margin: float | None = None  # rad; turns are counted from the first sample less this; None = from angle zero
     rising: bool = field(init=False)  # the angle never goes back
 
     def __post_init__(self) -> None:

@@ -29,6 +29,8 @@ class Signals:
     count (``position_counts_per_turn``): xi = screw_lead theta' / (360 gear_ratio), gear_ratio the motor's turns per
     turn of the screw. ``latency`` (s): the position was recorded so much later than the angle; NaN = estimate it.
     ``outlier`` (m): a single position that is farther than that from the line between its neighbours is put on it.
+    ``synchronous``: passes are where the feed moves in step with the spindle, by ``lead`` (m per turn) where that is
+    given.
 
     Raises:
         TraceError: a number is not finite, or not positive where it must be.
@@ -41,10 +43,13 @@ class Signals:
     position_counts_per_turn: float | None = None
     latency: float = 0.0
     outlier: float | None = None
+    synchronous: bool = False
+    lead: float | None = None
 
     def __post_init__(self) -> None:
         positive = {"screw lead": self.screw_lead, "gear ratio": self.gear_ratio,
-                    "position counts per turn": self.position_counts_per_turn, "outlier limit": self.outlier}
+                    "position counts per turn": self.position_counts_per_turn, "outlier limit": self.outlier,
+                    "lead": self.lead}
         for name, value in positive.items():
             if value is not None and not 0.0 < value < math.inf:
                 raise TraceError(f"{name} is {value}; give a positive number")
@@ -55,7 +60,7 @@ class Signals:
     @property
     def needs_the_whole(self) -> bool:
         """What is asked for cannot be done piece by piece."""
-        return self.latency != 0.0 or self.outlier is not None
+        return self.latency != 0.0 or self.outlier is not None or self.synchronous
 
     def position_factor(self, unit: str) -> float:
         """``m = factor * value``."""
@@ -121,11 +126,9 @@ class Continuous:
         return f"the {self.name} wraps at {self.period:g}: made continuous over {self.wraps} wraps"
 
     def _find(self, jump: float) -> None:
-        """A period is that of a wrapped signal when all values up to the first jump lie in it."""
+        """A period is that of a wrapped signal when no two values up to the first jump are farther apart."""
         for period in (self.turn, *(_COUNTERS if self.counts else ())):
-            centred = -0.5 * period <= self._lowest and self._highest <= 0.5 * period
-            above_zero = self._lowest >= 0.0 and self._highest <= period
-            if (centred or above_zero) and _LEAST_JUMP * period < jump <= period:
+            if self._highest - self._lowest <= period and _LEAST_JUMP * period < jump <= period:
                 self.period = period
                 return
         self.period = NEVER

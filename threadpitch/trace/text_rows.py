@@ -5,91 +5,94 @@ from __future__ import annotations
 import csv
 import difflib
 import gzip
+import io
 import sys
 import zlib
 from collections.abc import Generator, Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import BinaryIO, TextIO
 
 from threadpitch.trace.choice import brief
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.text_head import Head, find_head
 
 STANDARD_INPUT = "-"  # as a file's name
-BLOCK = 1 << 20  # characters that are read at once
+BLOCK = 1 << 22  # characters that are read at once
+_LOOKED_AT = 1 << 16  # bytes by which the encoding is told
 LONGEST_LINE = 1 << 16  # characters; a row of numbers is far shorter
 _GZIP = b"\x1f\x8b"
+
+
+@dataclass(frozen=True)
+class Text:
+    """Whole lines of a file below its head."""
+
+    text: str
+    before: int  # lines of the file above them
+    count: int  # of the lines
 
 
 @dataclass(frozen=True)
 class Block:
     """Some rows of a file, each as long as the header, with their lines (from 1)."""
 
-    source: str
-    header: list[str]
-    header_line: int
     lines: list[int]
     rows: list[list[str]]
-    units: list[str]  # of the columns, where the file gives them in a row of their own; "" for none
-    notes: tuple[str, ...] = ()  # how the text was read
-    numbered: bool = False  # there is no header: the columns are numbered
-
-    def part(self, first: int, last: int) -> Block:
-        """The rows from ``first`` up to ``last``."""
-        return replace(self, lines=self.lines[first:last], rows=self.rows[first:last])
 
 
-def rows_of(path: Path) -> Generator[Block]:
-    """The rows of a text file in blocks; blank rows and comments (#, %, //) are left out.
+def rows_of(path: Path) -> Generator[tuple[Head, Block]]:
+    """The rows of a text file, block by block, with its head.
 
     Raises:
-        TraceError: the file is missing, a directory, empty, binary, cut off, or its rows differ in length.
+        TraceError: as ``texts_of``, ``headed`` and ``split``.
+    """
+    with closing(texts_of(path)) as texts:
+        for head, text in headed(texts, str(path)):
+            yield head, split(text, head, str(path))
+
+
+def texts_of(path: Path) -> Generator[str]:
+    """A text file, a pipe, or ``-``, plain or packed by gzip, in texts of whole lines.
+
+    Raises:
+        TraceError: the file is missing, a directory, binary or cut off.
     """
     with _opened(path) as stream:
-        yield from rows_of_lines(_line_blocks(stream, str(path)), str(path))
+        yield from _texts(stream)
 
 
-def rows_of_lines(blocks: Iterable[list[str]], source: str) -> Generator[Block]:
-    """The rows out of blocks of whole lines.
-
-    What stands above the rows, the separator and the decimal sign are found in the first block (``text_head``).
+def headed(texts: Iterable[str], source: str) -> Generator[tuple[Head, Text]]:
+    """The texts below the head of a file, with the head, which is found in the first of them (``text_head``).
 
     Raises:
-        TraceError: there is no row, or the rows differ in length.
+        TraceError: the file is empty, holds only comments, a zero byte or a gigantic line.
     """
     head: Head | None = None
-    line = 0  # lines above the block
-    for text in blocks:
-        if head is None:
-            if not any(row.strip() for row in text):
-                line += len(text)
-                continue
-            head = find_head(text, source, line)
-            line, text = line + head.lines, text[head.lines :]
-        empty = Block(source, head.names, head.line, [], [], head.units, head.notes, head.numbered)
-        block = _split(text, head, empty, line)
-        line += len(text)
-        if block.rows:
-            yield block
+    line = 0  # lines above the text
+    for text in texts:
+        _refuse_what_is_no_text(text, source, line + 1)
+        count = text.count("\n") + (not text.endswith("\n"))
+        if head is not None:
+            yield head, Text(text, line, count)
+        elif text.strip():
+            lines = text.split("\n")
+            head = find_head(lines[:count], source, line)
+            yield head, Text("\n".join(lines[head.lines :]), line + head.lines, count - head.lines)
+        line += count
     if head is None:
         raise TraceError(f"{source}: the file is empty; give a log with a header and rows")
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[IO[str]]:
+def _opened(path: Path) -> Iterator[TextIO]:
     source = str(path)
-    if source == STANDARD_INPUT:
-        yield sys.stdin
-        return
     try:
-        with open(path, "rb") as raw:
-            packed = raw.read(2) == _GZIP
-        with (gzip.open if packed else open)(path, "rb") as probe:
-            encoding = _encoding(probe.read(1 << 16), source)
-        with (gzip.open if packed else open)(path, "rt", encoding=encoding, errors="replace") as stream:
-            yield stream
+        with _bytes_of(path) as raw:
+            packed = raw.peek(2)[:2] == _GZIP
+            plain = io.BufferedReader(_Unpacked(raw), _LOOKED_AT) if packed else raw
+            yield io.TextIOWrapper(plain, encoding=_encoding(plain.peek(_LOOKED_AT), source), errors="replace")
     except FileNotFoundError:
         raise TraceError(f"{source}: there is no such file{_nearest(path)}") from None
     except IsADirectoryError:
@@ -100,6 +103,38 @@ def _opened(path: Path) -> Iterator[IO[str]]:
         raise TraceError(f"{source}: the compressed file is damaged ({error}); copy or record it again") from None
     except OSError as error:
         raise TraceError(f"{source}: cannot be read ({error.strerror or error})") from None
+
+
+@contextmanager
+def _bytes_of(path: Path) -> Iterator[io.BufferedReader]:
+    """The bytes of a file, which may be a pipe: nothing of it is read twice."""
+    if str(path) == STANDARD_INPUT:
+        yield io.BufferedReader(_Filled(sys.stdin.buffer), _LOOKED_AT)
+        return
+    with open(path, "rb") as file:
+        yield io.BufferedReader(_Filled(file), _LOOKED_AT)
+
+
+class _Filled(io.RawIOBase):
+    """Fills what it is asked for, where a pipe would give what is there: the first look sees enough."""
+
+    def __init__(self, source: BinaryIO | io.BufferedIOBase) -> None:
+        self._source = source
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override] # typeshed: any writable buffer
+        found = self._source.read(len(buffer))
+        buffer[: len(found)] = found
+        return len(found)
+
+
+class _Unpacked(_Filled):
+    """What gzip packed."""
+
+    def __init__(self, source: io.BufferedReader) -> None:
+        super().__init__(gzip.GzipFile(fileobj=source))
 
 
 def _nearest(path: Path) -> str:
@@ -124,40 +159,54 @@ def _encoding(start: bytes, source: str) -> str:
     return "utf-8-sig"
 
 
-def _line_blocks(stream: IO[str], source: str) -> Iterator[list[str]]:
-    """Lists of whole lines without their ends; memory is bounded whatever the file holds."""
-    line = 1
-    while text := stream.read(BLOCK):
-        rest = stream.readline(LONGEST_LINE)
-        lines = (text + rest).split("\n")
-        if not lines[-1]:
-            lines.pop()
-        for i, one in enumerate(lines):
-            if len(one) >= LONGEST_LINE:
-                raise TraceError(f"{source}:{line + i}: a line of more than {LONGEST_LINE} characters; "
-                                 "give a CSV log with one row per sample")
-            if "\0" in one:
-                raise TraceError(f"{source}:{line + i}: a zero byte in the text; the log is damaged from here on")
-        line += len(lines)
-        yield lines
+def _texts(stream: TextIO) -> Iterator[str]:
+    """Texts of whole lines; memory is bounded whatever the file holds. The first is short: it is split for the head."""
+    size = _LOOKED_AT
+    while text := stream.read(size):
+        if not text.endswith("\n"):
+            text += stream.readline(LONGEST_LINE)
+        yield text
+        size = BLOCK
 
 
-def _split(text: list[str], head: Head, empty: Block, before: int) -> Block:
-    """The rows of these lines; ``before`` lines of the file stand above them."""
-    reader = csv.reader(head.plain(text), delimiter=head.separator)
+def _refuse_what_is_no_text(text: str, source: str, line: int) -> None:
+    """Zero bytes, and lines of ``LONGEST_LINE`` characters; ``line`` is the first line of the text."""
+    zero = text.find("\0")
+    begin = 0
+    while len(text) - begin >= LONGEST_LINE and (zero < 0 or begin <= zero):
+        end = text.rfind("\n", begin, begin + LONGEST_LINE)
+        if end < 0:
+            raise TraceError(f"{source}:{line + text.count(chr(10), 0, begin)}: a line of more than {LONGEST_LINE} "
+                             "characters; give a CSV log with one row per sample")
+        begin = end + 1
+    if zero >= 0:
+        raise TraceError(f"{source}:{line + text.count(chr(10), 0, zero)}: a zero byte in the text; the log is damaged "
+                         "from here on")
+
+
+def split(text: Text, head: Head, source: str) -> Block:
+    """The rows of a text; blank rows and comments (#, %, //) are left out.
+
+    Raises:
+        TraceError: with the line: the rows differ in length, a quoted text is not closed.
+    """
+    lines = text.text.split("\n")
+    if not lines[-1]:
+        lines.pop()
+    reader = csv.reader(head.plain(lines), delimiter=head.separator)
     rows: list[list[str]] = []
     for number, row in enumerate(reader, start=1):
         if reader.line_num != number:
-            raise TraceError(f"{empty.source}:{before + number}: a quoted text is not closed in its line; close it")
+            raise TraceError(f"{source}:{text.before + number}: a quoted text is not closed in its line; close it")
         rows.append(row)
-    width = len(empty.header)
+    width = len(head.names)
     if all(len(row) == width for row in rows):
-        return replace(empty, lines=list(range(before + 1, before + 1 + len(rows))), rows=rows)
-    kept = [(before + i, row) for i, row in enumerate(rows, start=1) if any(cell.strip() for cell in row)]
+        return Block(list(range(text.before + 1, text.before + 1 + len(rows))), rows)
+    kept = [(text.before + i, row) for i, row in enumerate(rows, start=1) if any(cell.strip() for cell in row)]
     for line, row in kept:
         if len(row) == width + 1 and not row[-1].strip():
             row.pop()  # a separator at the end of the row
         if len(row) != width:
-            raise TraceError(f"{empty.source}:{line}: {len(row)} fields where the header has {width}; mend this row "
+            raise TraceError(f"{source}:{line}: {len(row)} fields where the header has {width}; mend this row "
                              f"(separator {head.separator!r})")
-    return replace(empty, lines=[line for line, _ in kept], rows=[row for _, row in kept])
+    return Block([line for line, _ in kept], [row for _, row in kept])

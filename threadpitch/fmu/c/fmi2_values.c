@@ -1,4 +1,6 @@
 /* FMI 2.0 for co-simulation: values and derivatives got and set. Source: FMI 2.0.5, sections 2.1.7 and 4.2.1. */
+#include <string.h>
+
 #include "fmi2Functions.h"
 #include "life.h"
 
@@ -47,17 +49,47 @@ static void *target_of(Instance *instance, fmi2ValueReference reference, Kind ki
     return cell != NULL && instance_settable(instance, cell) ? cell->value : NULL;
 }
 
+/* Importers that record everything get thousands of values in every step: where the references count up and their
+ * values lie one after another, they are copied together. */
+enum { WORTH_A_CALL = 16 }; /* values: fewer are compared and copied sooner than a library function is called */
+
+/* How many of the references count up one by one from the first. */
+static size_t counting_up(const Instance *instance, const fmi2ValueReference vr[], size_t most)
+{
+    if (most >= WORTH_A_CALL && memcmp(vr, instance->numbers + vr[0], most * sizeof *vr) == 0) {
+        return most;
+    }
+    size_t count = 1;
+    while (count < most && vr[count] == vr[0] + count) {
+        count++;
+    }
+    return count;
+}
+
+static void copy_reals(double *to, const double *from, size_t count)
+{
+    if (count >= WORTH_A_CALL) {
+        memcpy(to, from, count * sizeof *to);
+        return;
+    }
+    for (size_t i = 0; i < count; i++) {
+        to[i] = from[i];
+    }
+}
+
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[])
 {
     if (!begin_get(c, "fmi2GetReal", vr, nvr, value)) {
         return fmi2Error;
     }
-    for (size_t i = 0; i < nvr; i++) {
+    for (size_t i = 0; i < nvr;) {
         const Cell *cell = cell_of(c, vr[i], REAL);
         if (cell == NULL) {
             return fmi2Error;
         }
-        value[i] = *(const double *)cell->value;
+        size_t count = counting_up(c, vr + i, cell->row < nvr - i ? cell->row : nvr - i);
+        copy_reals(value + i, cell->value, count);
+        i += count;
     }
     return fmi2OK;
 }

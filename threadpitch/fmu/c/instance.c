@@ -1,5 +1,6 @@
 #include "instance.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,6 +33,7 @@ static void add_cells(Instance *instance, const Variable *variable)
 {
     char *values = values_of(instance->self, variable);
     for (size_t element = 0; element < scalar_count(variable); element++) {
+        instance->numbers[instance->cell_count] = (unsigned)instance->cell_count;
         Cell *cell = &instance->cells[instance->cell_count++];
         cell->variable = variable;
         cell->element = element;
@@ -46,6 +48,17 @@ static void add_cells(Instance *instance, const Variable *variable)
     }
 }
 
+static void count_rows(Instance *instance)
+{
+    for (size_t i = instance->cell_count; i-- > 0;) {
+        Cell *cell = &instance->cells[i];
+        const Cell *next = cell + 1;
+        bool joined = i + 1 < instance->cell_count && next->kind == cell->kind &&
+                      (char *)next->value == (char *)cell->value + kind_size(cell->kind) && next->row < UINT_MAX;
+        cell->row = joined ? next->row + 1 : 1;
+    }
+}
+
 static bool allocate(Instance *instance, const char *name)
 {
     size_t total = 1; /* never nothing: calloc(0) may return NULL */
@@ -56,14 +69,15 @@ static bool allocate(Instance *instance, const char *name)
     instance->name = calloc(strlen(name) + 1, 1);
     instance->self = calloc(1, model.size + 1);
     instance->cells = calloc(total, sizeof *instance->cells);
+    instance->numbers = calloc(total, sizeof *instance->numbers);
     instance->first = calloc(model.variable_count + 1, sizeof *instance->first);
     instance->inputs = calloc(total, sizeof *instance->inputs);
     instance->counts = calloc(total, sizeof *instance->counts);
     instance->initial = calloc(instance->image_size + 1, 1);
     instance->before = calloc(instance->image_size + 1, 1);
-    return instance->name != NULL && instance->self != NULL && instance->cells != NULL && instance->first != NULL &&
-           instance->inputs != NULL && instance->counts != NULL && instance->initial != NULL &&
-           instance->before != NULL;
+    return instance->name != NULL && instance->self != NULL && instance->cells != NULL &&
+           instance->numbers != NULL && instance->first != NULL && instance->inputs != NULL &&
+           instance->counts != NULL && instance->initial != NULL && instance->before != NULL;
 }
 
 static void release(Instance *instance)
@@ -71,6 +85,7 @@ static void release(Instance *instance)
     free(instance->name);
     free(instance->self);
     free(instance->cells);
+    free(instance->numbers);
     free(instance->first);
     free((void *)instance->inputs);
     free((void *)instance->counts);
@@ -106,6 +121,7 @@ bool instance_open(Instance *instance, const char *name)
         add_cells(instance, &model.variables[i]);
     }
     instance->first[model.variable_count] = instance->cell_count;
+    count_rows(instance);
     image_save(instance, instance->initial);
     begin_life(instance);
     return true;

@@ -42,6 +42,7 @@ typedef struct {
     size_t element;
     void *value; /* double, int64_t or bool */
     Kind kind;   /* of the variable, here for the loops over many values */
+    unsigned row; /* of how many cells it is the first that are of its kind and lie one after another in memory */
 } Cell;
 
 /* Where the instance is in its life; with the values of the model the whole FMU state. */
@@ -64,6 +65,7 @@ typedef struct Instance {
     void *self; /* the model's struct */
     size_t cell_count;
     Cell *cells;   /* (cell_count) */
+    unsigned *numbers; /* (cell_count) 0, 1, 2, ... as value references of FMI 2 */
     size_t *first; /* (variables + 1) of each variable: its first cell */
     size_t input_count;
     const Cell **inputs; /* (input_count) the REAL ones */

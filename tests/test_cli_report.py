@@ -1,0 +1,64 @@
+"""``threadpitch report`` on the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.conftest import Command, assert_one_line
+
+LOG = Path(__file__).parent.parent / "models" / "logs" / "linuxcnc" / "C_ripple_500.csv.gz"
+
+
+@pytest.fixture
+def measured(workplace: Path) -> Path:
+    pitch = 1.5 + 0.004 * np.sin(2.0 * np.pi * np.arange(30.0) / 6.7)
+    path = workplace / "measured.csv"
+    path.write_text("turn,pitch_mm\n" + "".join(f"{n},{value:.6f}\n" for n, value in enumerate(pitch, start=1)))
+    return path
+
+
+def test_a_log_with_measured_pitches_and_a_tolerance(threadpitch: Command, workplace: Path, measured: Path) -> None:
+    outcome = threadpitch("report", LOG, "--start-angle", 0, 90, "--measured", measured, "--uncertainty", 0.5,
+                          "--thread", "M20x1.5-6g", "--ball-screw", 10, "-o", "log.html", "--title", "My <log>")
+    assert (outcome.status, outcome.err) == (0, "")
+    assert "Verdict: Mechanical" in outcome.out
+    assert outcome.out.endswith("saved in log.html\n")
+    text = (workplace / "log.html").read_text()
+    for words in ("My &lt;log&gt;", "Table 3: movement per revolution", "Permutation test", "What to do", "20.21 um",
+                  "SHA-256 of the log", "All passes, every one"):
+        assert words in text, words
+    assert "http://" not in text[:text.index("<script>")].replace("http://www.w3.org/2000/svg", "")
+
+
+def test_every_group_on_paper(threadpitch: Command, workplace: Path) -> None:
+    outcome = threadpitch("report", LOG, "--pass", "all", "-o", "log.pdf")
+    assert (outcome.status, outcome.err) == (0, "")
+    assert (workplace / "log.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_a_thread_too_long_to_judge_is_reported_with_a_note(threadpitch: Command, workplace: Path,
+                                                            measured: Path) -> None:
+    outcome = threadpitch("report", LOG, "--measured", measured, "--target", 1.5, "-o", "log.html")
+    assert outcome.status == 0
+    assert "No verdict: " in (workplace / "log.html").read_text()
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    (("nosuch.csv",), "nosuch.csv: there is no such file"),
+    ((LOG, "-o", "report.txt"), r"report\.txt: a report can be \.html or \.pdf"),
+    ((LOG, "-o", "nosuch/report.html"), "nosuch: there is no such folder"),
+    ((LOG, "--pass", "7"), "there is no group '7'; the groups are 1, 2"),
+    ((LOG, "--crossing", "cubic"), "crossing 'cubic' is not known"),
+    ((LOG, "--thread", "X20"), "X20"),
+    ((".",), r"without pitch\.csv; give the folder of a run, or a log"),
+    ((), "Missing argument"),
+])
+def test_what_cannot_be_reported_is_told_in_one_line(threadpitch: Command, workplace: Path,
+                                                     options: tuple[object, ...], message: str) -> None:
+    outcome = threadpitch("report", *options)
+    assert outcome.status == 2
+    assert_one_line(outcome.err, message)
+    assert not list(workplace.glob("report.*"))

@@ -1,0 +1,114 @@
+"""``threadpitch report``: runs and logs as a page or as paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from threadpitch.cli import log_options
+from threadpitch.cli.analyze import CROSSINGS
+from threadpitch.cli.log_options import LogOptions
+from threadpitch.cli.options import StartAngles, number, radians
+from threadpitch.cli.printing import fail, printing
+from threadpitch.judgement.measured_file import read_measured
+from threadpitch.pitch import pitch_tables
+from threadpitch.report.content import Report, Thread
+from threadpitch.report.limits import Allowed, limited
+from threadpitch.report.output import check_output, write_report
+from threadpitch.report.recorded_log import LogQuestion, chosen_groups, log_thread
+from threadpitch.report.recorded_run import read_run
+from threadpitch.sparkline import deviation_lines, verdict_line
+from threadpitch.tables import printable
+from threadpitch.tolerance import parse_thread
+from threadpitch.units import to_si
+
+_NAMED = 3  # threads in a title
+
+
+@log_options.with_log_options
+def report(
+    inputs: Annotated[list[Path], typer.Argument(
+        metavar="RESULT|LOG ...", help="Folder of a run, or a log; of several the curves lie over one another.")],
+    of_log: LogOptions,
+    output: Annotated[Path, typer.Option(
+        "--output", "-o", metavar="FILE", help="FILE.html, one file that opens offline, or FILE.pdf.")]
+    = Path("report.html"),
+    title: Annotated[str | None, typer.Option(metavar="TEXT", help="Title of the report.",
+                                              show_default="names of the inputs")] = None,
+    chosen: Annotated[str | None, typer.Option(
+        "--pass", metavar="NAME|all", help="Pass of a run or group of a log.",
+        show_default="what makes the final flank, the last group")] = None,
+    latency: Annotated[float, typer.Option(
+        metavar="MS|estimate", parser=log_options.latency,
+        help="The position was recorded so many ms later than the angle.")] = 0.0,
+    outlier: Annotated[float | None, typer.Option(
+        metavar="MM", parser=number,
+        help="Put single positions that stick out by more than this between their neighbours.")] = None,
+    crossing: Annotated[str, typer.Option(
+        metavar="linear|edges", help="How xi at a crossing is found, as for analyze.")] = "linear",
+    start_angle: StartAngles = None,
+    measured: Annotated[Path | None, typer.Option(
+        metavar="FILE", help="Measured pitches of the thread in the log, as for analyze.")] = None,
+    target: Annotated[float | None, typer.Option(
+        metavar="MM", parser=number, help="Movement per revolution that was wanted in the log.",
+        show_default="of --thread, else the median")] = None,
+    uncertainty: Annotated[float | None, typer.Option(
+        metavar="UM", parser=number, help="Standard uncertainty of one measured pitch.",
+        show_default="of a simulated groove 0.1")] = None,
+    ball_screw: Annotated[float | None, typer.Option(
+        metavar="MM", parser=number, help="Lead of the feed's ball screw.", show_default="--screw-lead")] = None,
+    thread: Annotated[str | None, typer.Option(
+        metavar="DESIGNATION", help="M20x1.5-6g and the like: its tolerance gives the limits.")] = None,
+    limit: Annotated[float, typer.Option(
+        metavar="PERCENT", parser=number, help="Share of the pitch-diameter tolerance that deviations may take.")]
+    = 25.0,
+    engagement: Annotated[float | None, typer.Option(
+        metavar="MM", parser=number, help="Length over which they add up.", show_default="longest normal one")] = None,
+) -> None:
+    """Runs and logs as one HTML file that opens offline, or as a PDF: tables, verdict, charts, provenance."""
+    check_output(output)
+    if crossing not in CROSSINGS:
+        fail(f"crossing {crossing!r} is not known; choose {' or '.join(CROSSINGS)}")
+    choice = of_log.choice()
+    signals = of_log.signals(latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
+    designation = None if thread is None else parse_thread(thread)
+    wanted = _si(target, "mm") if target is not None or designation is None else designation.lead
+    question = LogQuestion(wanted, () if measured is None else tuple(read_measured(measured)), _si(uncertainty, "um"),
+                           _si(of_log.screw_lead if ball_screw is None else ball_screw, "mm"))
+    starts = radians(start_angle or [0.0])
+
+    def threads_of(path: Path) -> list[Thread]:
+        if path.is_dir():
+            return read_run(path, chosen, question.uncertainty)
+        groups = pitch_tables(path, choice, starts, signals, CROSSINGS[crossing])
+        return [log_thread(path, one, groups, question) for one in chosen_groups(groups, path, chosen)]
+
+    threads = [one for path in inputs for one in threads_of(path)]
+    if designation is not None:
+        allowed = Allowed(designation, limit / 100.0, _si(engagement, "mm"), question.uncertainty or 0.0)
+        threads = [limited(one, allowed) for one in threads]
+    write_report(Report(title or _title(threads), tuple(threads)), output)
+    with printing():
+        console = Console()
+        for one in threads:
+            console.print(Text(printable(one.name), style="bold"))
+            for line in deviation_lines(console, one.nominal, one.target, one.chosen):
+                console.print(line)
+            if one.verdict is not None:
+                console.print(verdict_line(one.verdict.cause, printable(one.verdict.sentence)))
+        print(f"saved in {output}")
+
+
+def _title(threads: Sequence[Thread]) -> str:
+    """The names of the first threads."""
+    named = ", ".join(one.name for one in threads[:_NAMED])
+    return f"Thread pitch: {named}{', ...' if len(threads) > _NAMED else ''}"
+
+
+def _si(value: float | None, unit: str) -> float | None:
+    return None if value is None else to_si(value, unit)

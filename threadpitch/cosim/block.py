@@ -1,0 +1,225 @@
+"""Recorded rows: what is recorded, and blocks of successive rows in which a value that does not change lies once.
+
+The columns of a width (bytes of a value) are divided into pieces of some hundred bytes. A row holds, for every piece,
+where its values lie among the block's words; rows in which a piece is the same point to the same words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from threadpitch.cosim.c_types import C_TYPES
+from threadpitch.cosim.variable import FmuVariable
+
+Column: TypeAlias = NDArray[Any]  # (rows,)
+Times: TypeAlias = NDArray[np.float64]  # (rows,)
+Rows: TypeAlias = Mapping[int, NDArray[Any]]  # by width: (rows, channels of this width), whole numbers with the bits
+WIDTHS = (8, 4, 2, 1)  # bytes of a value
+WORD = 8  # bytes: every piece begins at a multiple
+PIECE_SIZE = 256  # bytes: comparing takes little, and little is kept that has not changed
+_FAMILIES = ("Real", "Integer", "Boolean")
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One recorded variable."""
+
+    component: str
+    variable: FmuVariable
+
+    @property
+    def name(self) -> str:
+        """``component.variable``."""
+        return f"{self.component}.{self.variable.name}"
+
+    @property
+    def width(self) -> int:
+        """Bytes of a value."""
+        return C_TYPES[self.variable.c_type].dtype.itemsize
+
+    @property
+    def boolean(self) -> bool:
+        """Whether values are given out as truth values."""
+        return C_TYPES[self.variable.c_type].family == "Boolean"
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The type of the values that are given out."""
+        return np.dtype(np.bool_) if self.boolean else C_TYPES[self.variable.c_type].dtype
+
+    def values(self, bits: Column) -> Column:
+        """The values that whole numbers of the channel's width hold."""
+        values = bits.view(C_TYPES[self.variable.c_type].dtype)
+        return values != 0 if self.boolean else values
+
+
+class Piece(NamedTuple):
+    """Columns ``first`` to ``last`` - 1 of a width; in a row that is stored whole its words begin at ``word``.
+
+    ``fixed`` tells that its values stay as they are.
+    """
+
+    width: int
+    first: int
+    last: int
+    word: int
+    fixed: bool
+
+    @property
+    def words(self) -> int:
+        """How many words its values take."""
+        return -(-(self.last - self.first) * self.width // WORD)
+
+
+class Channels:
+    """The recorded variables, and where each lies in the rows.
+
+    ``all`` lists Real variables first, then whole numbers, then Booleans; ``by_width[width]`` those whose values have
+    ``width`` bytes, in the order of their columns: first what stays as it is, then what seldom changes. ``row_words``
+    are those of a row that is stored whole.
+    """
+
+    def __init__(self, channels: Iterable[Channel]) -> None:
+        given = tuple(channels)
+        self.all = tuple(sorted(given, key=lambda one: _FAMILIES.index(C_TYPES[one.variable.c_type].family)))
+        self.by_width = {width: tuple(sorted((found for found in given if found.width == width),
+                                             key=_restlessness)) for width in WIDTHS}
+        self.places = {channel.name: place for found in self.by_width.values() for place, channel in enumerate(found)}
+        self.pieces = tuple(_pieces(self.by_width))
+        self.begins = np.array([piece.word for piece in self.pieces], np.int64)
+        self.row_words = sum(piece.words for piece in self.pieces)
+        self.first_pieces = {piece.width: number for number, piece in reversed(list(enumerate(self.pieces)))}
+
+    def empty(self, count: int) -> dict[int, NDArray[Any]]:
+        """Room for rows."""
+        return {width: np.empty((count, len(found)), f"i{width}") for width, found in self.by_width.items()}
+
+    def whole(self, words: NDArray[np.int64], count: int) -> dict[int, NDArray[Any]]:
+        """The first words as rows that are stored whole, one after another: the columns of each width."""
+        table = words[:count * self.row_words].reshape(count, self.row_words)
+        found = {}
+        for width, channels in self.by_width.items():
+            first = self.pieces[self.first_pieces[width]].word * (WORD // width) if channels else 0
+            found[width] = table.view(f"i{width}")[:, first:first + len(channels)]
+        return found
+
+
+def _restlessness(channel: Channel) -> int:
+    return 0 if channel.variable.fixed else 1 if channel.variable.discrete else 2
+
+
+def _pieces(by_width: Mapping[int, Sequence[Channel]]) -> Iterator[Piece]:
+    word = 0
+    for width, channels in by_width.items():
+        step = PIECE_SIZE // width
+        for first in range(0, len(channels), step):
+            inside = channels[first:first + step]
+            piece = Piece(width, first, first + len(inside), word, all(channel.variable.fixed for channel in inside))
+            yield piece
+            word += piece.words
+
+
+@dataclass(frozen=True)
+class Block:
+    """Successive rows: their times, and their values: ``places`` (rows, pieces) is where those of a piece begin among
+    the ``words``.
+    """
+
+    channels: Channels
+    times: Times
+    words: NDArray[np.int64]
+    places: NDArray[np.integer[Any]]
+
+    @classmethod
+    def of_rows(cls, channels: Channels, times: Times, rows: Rows) -> Block:
+        """Rows that are stored whole, from the columns of each width."""
+        count = times.size
+        words = np.zeros(count * channels.row_words, np.int64)
+        for width, columns in channels.whole(words, count).items():
+            columns[:] = rows[width]
+        return cls(channels, times, words, whole_places(channels, range(count)))
+
+    def __len__(self) -> int:
+        return self.times.size
+
+    def __iter__(self) -> Iterator[Block]:
+        yield self
+
+    @property
+    def rows(self) -> Rows:
+        """All values, by width."""
+        found = self.channels.empty(len(self))
+        for number, piece in enumerate(self.channels.pieces):
+            inside = np.arange(piece.last - piece.first)
+            first = self.places[:, number, None].astype(np.int64) * (WORD // piece.width)
+            found[piece.width][:, piece.first:piece.last] = self.words.view(f"i{piece.width}")[first + inside]
+        return found
+
+    def column(self, channel: Channel) -> Column:
+        """The values of one variable, (rows,)."""
+        return channel.values(self._bits(channel))
+
+    def _bits(self, channel: Channel) -> Column:
+        width, place = channel.width, self.channels.places[channel.name]
+        within, inside = divmod(place, PIECE_SIZE // width)
+        first = self.places[:, self.channels.first_pieces[width] + within].astype(np.int64) * (WORD // width)
+        bits: Column = self.words.view(f"i{width}")[first + inside]
+        return bits
+
+    def some(self, which: NDArray[Any] | slice) -> Block:
+        """The rows that a mask or slice chooses."""
+        return Block(self.channels, self.times[which], self.words, self.places[which])
+
+    def compact(self) -> Block:
+        """The same rows in words of their own."""
+        return Block.of_rows(self.channels, self.times.copy(), self.rows)
+
+    def of(self, channels: Channels) -> Block:
+        """The same rows with some of the columns."""
+        if channels is self.channels:
+            return self
+        rows = channels.empty(len(self))
+        for channel in channels.all:
+            rows[channel.width][:, channels.places[channel.name]] = self._bits(channel)
+        return Block.of_rows(channels, self.times, rows)
+
+
+def whole_places(channels: Channels, numbers: range) -> NDArray[np.int64]:
+    """The places of rows that are stored whole, one after another, from number 0 on: of those with these numbers."""
+    return np.array(numbers, np.int64)[:, None] * channels.row_words + channels.begins
+
+
+class Blocks:
+    """Blocks that follow each other, as one table."""
+
+    def __init__(self, channels: Channels, blocks: Sequence[Block]) -> None:
+        self.channels = channels
+        self._blocks = tuple(blocks)
+
+    @cached_property
+    def times(self) -> Times:
+        """Communication points, (rows,) s."""
+        return np.concatenate([np.empty(0), *(block.times for block in self._blocks)])
+
+    @property
+    def rows(self) -> Rows:
+        """All values, by width."""
+        parts = [block.rows for block in self._blocks] or [self.channels.empty(0)]
+        return {width: np.concatenate([part[width] for part in parts]) for width in WIDTHS}
+
+    def __len__(self) -> int:
+        return sum(map(len, self._blocks))
+
+    def __iter__(self) -> Iterator[Block]:
+        return iter(self._blocks)
+
+    def column(self, channel: Channel) -> Column:
+        """The values of one variable, (rows,)."""
+        columns = [block.column(channel) for block in self._blocks]
+        return np.concatenate(columns) if columns else np.empty(0, channel.dtype)

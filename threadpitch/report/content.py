@@ -1,0 +1,136 @@
+"""What a report says, before anything is drawn: threads with their pitches, judgements and recordings.
+
+Page, paper and server draw the same ``Report``; where a thread comes from (a run folder, a log, a store) is behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from threadpitch.judgement import JudgementError, MeasuredThread, Verdict, judge
+from threadpitch.pitch import BoolArray, PitchTable
+from threadpitch.sparkline import usual
+from threadpitch.tolerance import PitchConformity
+from threadpitch.trace import TURN, FloatArray
+
+EXACT = 1e-7  # m, standard uncertainty that is taken for the pitches of a simulated groove, which are exact
+
+
+class ReportError(ValueError):
+    """A report cannot be made: what is wrong with its input, where, and how to mend it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """The recording of a thread: turn 0 is where n = 1 of the first start angle begins, so that it ends at turn 1."""
+
+    turn: FloatArray  # (samples,) revolutions, rising
+    position: FloatArray  # (samples,) m from turn 0, positive in the direction of the cut
+    speed: FloatArray | None = None  # (samples,) rad/s
+    following_error: FloatArray | None = None  # (samples,) m
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Pitches of the real thread, laid over the nominal ones."""
+
+    name: str
+    turn: FloatArray  # (turns,) numbered as the nominal table does
+    pitch: FloatArray  # (turns,) m
+    uncertainty: float | None = None  # m, largest standard uncertainty of one pitch, where it is known
+
+
+@dataclass(frozen=True, eq=False)
+class Thread:
+    """One thread of a report: a pass of a run, or a group of a log."""
+
+    name: str
+    nominal: PitchTable
+    target: float  # m, movement per revolution that was wanted
+    chosen: BoolArray  # (start_angles, revolutions) turns of the thread proper: in the metal, the feed at speed
+    lines: tuple[str, ...] = ()  # what is told of it: kind, depth, where the target comes from
+    limit: float | None = None  # m, that |P(n) - target| may reach
+    measured: tuple[Measured, ...] = ()
+    verdict: Verdict | None = None
+    tolerances: tuple[tuple[str, PitchConformity], ...] = ()  # (of what, how it keeps to its tolerance)
+    samples: Samples | None = None  # of the detectors: what the control knows
+    groove: Samples | None = None  # of a simulated groove: what a measuring machine would find
+    screw_lead: float | None = None  # m, of the feed's ball screw
+    others: PassOverview | None = None  # the passes beside this one
+    notes: tuple[str, ...] = ()  # what is missing, and why
+    provenance: tuple[tuple[str, str], ...] = ()  # (what, how)
+
+    @property
+    def deviation(self) -> FloatArray:
+        """P(n) - target, (start_angles, revolutions) m."""
+        return np.asarray(self.nominal.pitch - self.target)
+
+    @property
+    def truest(self) -> tuple[Samples | None, str]:
+        """The recording that is nearest to the real thread, and what it is of."""
+        return (self.samples, "by the detectors") if self.groove is None else (self.groove, "of the groove")
+
+    @property
+    def first_and_last(self) -> tuple[int, int]:
+        """The turns of the thread proper, of the first start angle that has some."""
+        turns = np.flatnonzero(self.chosen.any(axis=0)) + 1
+        return (int(turns[0]), int(turns[-1])) if turns.size else (1, self.nominal.pitch.shape[1])
+
+
+@dataclass(frozen=True)
+class PassOverview:
+    """All passes of a run or groups of a log, one line each: name, then least, greatest and mean P(n), m."""
+
+    rows: tuple[tuple[str, float, float, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """Threads that are looked at together; of several, the curves lie over one another."""
+
+    title: str
+    threads: tuple[Thread, ...]
+    provenance: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.threads:
+            raise ReportError("there is no thread to report on; give a run folder or a log")
+
+
+def thread_proper(pitch: FloatArray) -> BoolArray:
+    """(start_angles, revolutions) turns but for those at both ends that are far outside of what the others do.
+
+    So the start of the feed and the retraction do not hide the thread; what happens between them is never left out.
+    """
+    chosen = ~np.isnan(pitch)
+    for row, known in zip(pitch, chosen, strict=True):
+        places = np.flatnonzero(known)
+        near = places[usual(row[places])]
+        known[:] = known & (np.arange(row.size) >= near[0]) & (np.arange(row.size) <= near[-1]) if near.size else known
+    return chosen
+
+
+def laid_over(table: PitchTable, measured: Sequence[MeasuredThread]) -> tuple[Measured, ...]:
+    """Measured threads with turn numbers: their own, or counted from 1."""
+    found = []
+    for one in measured:
+        turn = np.arange(1.0, one.pitch.size + 1.0) if one.turn is None else one.turn
+        angle = "" if one.start_angle is None else f"{360.0 * one.start_angle / TURN:.6g} deg"
+        name = ", ".join(word for word in ("measured", one.flank, angle) if word)
+        inside = (turn >= 1.0) & (turn <= table.pitch.shape[1])
+        uncertainty = None if one.uncertainty is None else float(one.uncertainty.max())
+        found.append(Measured(name, turn[inside], one.pitch[inside], uncertainty))
+    return tuple(found)
+
+
+def judged(thread: Thread, nominal: FloatArray | PitchTable, measured: FloatArray | Sequence[MeasuredThread],
+           uncertainty: float | None) -> Thread:
+    """The thread with its verdict, or with a note that tells why there is none."""
+    try:
+        return replace(thread, verdict=judge(nominal, measured, target=thread.target, uncertainty=uncertainty,
+                                             screw_lead=thread.screw_lead))
+    except JudgementError as error:
+        return replace(thread, notes=(*thread.notes, f"No verdict: {error}"))
