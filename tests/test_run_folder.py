@@ -37,8 +37,8 @@ def saved(short_run: lathe.Simulation, tmp_path_factory: pytest.TempPathFactory)
     return folder
 
 
-def test_the_folder_holds_the_four_files_and_nothing_beside_it(saved: Path) -> None:
-    assert names_in(saved) == set(FILES) == {"trace.csv", "pitch.csv", "tables.txt", "result.json"}
+def test_the_folder_holds_the_files_and_nothing_beside_them(saved: Path) -> None:
+    assert names_in(saved) == set(FILES) == {"trace.csv", "pitch.csv", "tables.txt", "result.json", "metadata.json"}
     assert names_in(saved.parent) == {saved.name}
 
 
