@@ -101,6 +101,31 @@ def test_passes_that_the_stop_time_leaves_out_are_told(threadpitch: Command, wor
     assert_one_line(done.err, r"warning: [12] of 3 passes were begun until the stop; choose a longer --stop-time")
 
 
+def test_a_lead_along_x_is_noted(threadpitch: Command, workplace: Path) -> None:
+    (workplace / "p.nc").write_text("G97 S300 M3\nG0 X60. Z2.\nZ-0.5\nG32 X40. F2.\nG0 Z2.\nX60.\nM30\n",
+                                    encoding="utf-8")
+    done = threadpitch("run", "--program", "p.nc", "--json")
+    assert done.status == 0
+    assert_one_line(done.err, "note: pass 1 has its lead along X")
+    assert json.loads(done.out)["passes"][0]["hand"] is None
+
+
+def test_a_feed_hold_is_named_where_no_turn_is_cut(threadpitch: Command, workplace: Path) -> None:
+    done = threadpitch("run", "--set", "controller.feed_hold=true", "--stop-time", "0.5")
+    assert (done.status, done.out) == (2, "")
+    assert_one_line(done.err, "the feed is held; release controller.feed_hold")
+
+
+def test_the_largest_lead_of_a_program_is_compared_with_the_axis(threadpitch: Command, workplace: Path) -> None:
+    """The lead grows to 4.24 mm: 3 mm a turn the axis would do."""
+    (workplace / "p.nc").write_text("G97 S600 M3\nG0 X26. Z2.\nX19.\nG34 Z-7. F3. R0.5\nG0 X26.\nM30\n",
+                                    encoding="utf-8")
+    done = threadpitch("run", "--program", "p.nc", "--set", "z_drive.speed_limit=40mm/s", "--json")
+    assert done.status == 0
+    assert_one_line(done.err, r"warning: 4\.24264 mm a turn at 600 rpm is more than the Z axis does; turn at most "
+                    "566 rpm")
+
+
 @pytest.mark.parametrize(("text", "options", "message"), [
     ("G0 X1 Z1\nM30\n", (), "the program cuts no thread"),
     ("G97 S600 M3\nG0 X24. Z5.\nG32 Z-6.\nM30\n", (), r"p\.nc: line 3, column \d+: alarm"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -105,3 +106,17 @@ def test_a_terminated_run_leaves_its_rows_and_goes_on(tmp_path: Path, threadpitc
     assert rows[:, 0].tobytes() == whole.time.tobytes()
     assert rows[:, 1].tobytes() == whole["spindle.speed"].tobytes()
     assert (tmp_path / "rows.csv").read_text().startswith(written)
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (("--results", "run/trace.csv"), "run/trace.csv: trace.csv of this folder is another file of the run"),
+    (("--results", "run/pitch.csv"), "run/pitch.csv: pitch.csv of this folder is another file of the run"),
+    (("--checkpoint", "run/result.json"), "run/result.json: result.json of this folder is another file of the run"),
+    (("--checkpoint-every", "5"), "--checkpoint-every saves nothing without --checkpoint FILE; give one"),
+])
+def test_files_that_would_replace_each_other_are_refused(threadpitch: Command, workplace: Path,
+                                                         arguments: tuple[str, ...], message: str) -> None:
+    ended = threadpitch("run", "--output", "run", *arguments)
+    assert ended.status == 2
+    assert_one_line(ended.err, re.escape(message))
+    assert not list(workplace.iterdir())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import select
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import Command, assert_one_line
 from threadpitch.pitch import stream_pitches
 from threadpitch.trace import ColumnChoice
 
@@ -126,3 +128,10 @@ def test_a_growing_file_gives_the_pitches_of_the_finished_one(tmp_path: Path) ->
     found = [json.loads(line)["pitch_mm"] for line in out.splitlines()]
     (whole,) = stream_pitches(path, ColumnChoice())
     assert found == [1e3 * value for value in whole.table.pitch[0].tolist()]
+
+
+def test_a_packed_file_cannot_be_watched(tmp_path: Path, threadpitch: Command) -> None:
+    (tmp_path / "log.csv.gz").write_bytes(gzip.compress(HEADER.encode() + b"\n" * 3))
+    outcome = threadpitch("watch", tmp_path / "log.csv.gz", "--idle", "0.1")
+    assert outcome.status == 2
+    assert_one_line(outcome.err, "is packed by gzip, which cannot be read while it is written")

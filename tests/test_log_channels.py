@@ -81,7 +81,19 @@ def sinumerik(path: Path) -> None:
 </dataFrame></traceData></traceSession>""")
 
 
-WRITERS: dict[str, Callable[[Path], None]] = {"log.h5": hdf5, "log.tdms": tdms, "log.mf4": mdf, "trace.xml": sinumerik}
+def scope(path: Path) -> None:
+    fast = [(repr(float(1e3 * t)), repr(float(r))) for t, r in zip(TIME, revs(TIME), strict=True)]
+    slow = [(repr(float(1e3 * t)), repr(float(p))) for t, p in zip(SLOW, z(SLOW), strict=True)]
+    slow += [("", "")] * (TIME.size - SLOW.size)
+    head = ["Name\tThreading", "File\tscope.svdx"]
+    for name, values in {"Name": ("SpindleRevs", "AxisZ"), "SymbolName": ("a", "b"), "Data-Type": ("LREAL", "LREAL"),
+                         "SampleTime[ms]": ("1", "4"), "Unit": ("rev", "mm")}.items():
+        head.append("\t".join(f"{name}\t{value}" for value in values))
+    path.write_text("\n".join([*head, "", *("\t".join((*a, *b)) for a, b in zip(fast, slow, strict=True))]) + "\n")
+
+
+WRITERS: dict[str, Callable[[Path], None]] = {"log.h5": hdf5, "log.tdms": tdms, "log.mf4": mdf, "trace.xml": sinumerik,
+                                              "scope.csv": scope}
 
 
 @pytest.mark.parametrize("chunk", [1 << 18, 61])
@@ -95,6 +107,15 @@ def test_signals_of_two_clocks_are_brought_together(tmp_path: Path, monkeypatch:
     assert OWN_CLOCK in group.table.notes
     (whole,) = pitch_tables(tmp_path / name, ColumnChoice())
     np.testing.assert_array_equal(group.table.pitch, whole.table.pitch)
+
+
+@pytest.mark.parametrize("name", [name for name in WRITERS if name != "log.h5"])
+def test_the_time_is_no_angle(tmp_path: Path, name: str) -> None:
+    WRITERS[name](tmp_path / name)
+    time = "time [ms]" if name == "scope.csv" else "time"
+    for choice in (ColumnChoice(angle=time), ColumnChoice(position=time)):
+        with pytest.raises(TraceError, match="the time is neither angle nor position; choose other columns"):
+            stream_pitches(tmp_path / name, choice)
 
 
 def test_lengths_that_differ_without_a_time_are_refused(tmp_path: Path) -> None:

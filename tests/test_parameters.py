@@ -103,12 +103,23 @@ def test_the_lathe_s_own_parameters_as_a_file_change_nothing(short_run: lathe.Si
     ("list.json", "[1]", r'list\.json: holds no object; write \{"z_drive": '),
     ("null.json", '{"z_drive": {"screw_lead": null}}', r"null\.json: z_drive\.screw_lead: None is not a number"),
     ("mixed.json", '{"z_drive.x": [1, [2]]}', r"mixed\.json: z_drive\.x: \[1, \[2\]\] is not a number"),
+    ("twice.json", '{"x": {"y": 1, "y": 2}}', r"twice\.json: 'y' stands twice; keep one of them"),
+    ("both.json", '{"x": {"y": 1}, "x.y": 2}', r"both\.json: 'x\.y' stands twice; keep one of them"),
+    ("both.toml", 'x.y = 1\n"x.y" = 2\n', r"both\.toml: 'x\.y' stands twice; keep one of them"),
+    ("twice.ssv", ssv('<ssv:Parameter name="a.b"><ssv:Real value="1"/></ssv:Parameter>' * 2),
+     r"twice\.ssv: 'a\.b' stands twice; keep one of them"),
+    ("tables.toml", "x." * 3000 + "y = 1", r"tables\.toml: x\.x\.x\..* has more than 20 tables within tables; write"),
     ("notes.txt", "x", r"notes\.txt: is not a parameter file; give an \.ssv, \.toml or \.json"),
 ])
 def test_files_that_hold_no_parameters(write: WritePath, name: str, text: str, message: str) -> None:
     with pytest.raises(ParameterFileError, match=message) as caught:
         read_parameters(write(name, text))
     assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize(("name", "text"), [("a.json", '{"x.y": 1}'), ("a.toml", "x.y = 1")])
+def test_files_of_windows_may_begin_with_a_mark(write: WritePath, name: str, text: str) -> None:
+    assert read_parameters(write(name, "\ufeff" + text)) == {"x.y": 1}
 
 
 @pytest.mark.parametrize(("text", "message"), [

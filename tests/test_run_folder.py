@@ -7,6 +7,7 @@ import errno
 import json
 import math
 import os
+import re
 import stat
 import sys
 from collections import defaultdict
@@ -99,7 +100,17 @@ def test_a_turn_that_one_start_angle_lacks_is_null(tmp_path: Path) -> None:
 
 def test_result_json_is_the_document_and_tables_txt_the_tables(saved: Path, short_run: lathe.Simulation) -> None:
     assert json.loads((saved / "result.json").read_text(encoding="utf-8")) == run_document(short_run)
-    assert (saved / "tables.txt").read_text(encoding="utf-8") == pass_text(short_run.passes[0])
+    one = short_run.passes[0]
+    assert (saved / "tables.txt").read_text(encoding="utf-8") == pass_text(one, short_run.beside(one))
+
+
+def test_the_statistics_of_the_actual_pitches_follow(saved: Path, short_run: lathe.Simulation) -> None:
+    text = (saved / "tables.txt").read_text(encoding="utf-8").partition("By actual_pitch: turns ")[2]
+    (other,) = short_run.beside(short_run.passes[0]).values()
+    shown = other.table.statistics if other.effective is None or text.startswith("all") else other.effective
+    values = (shown.maximum[0], shown.minimum[0], shown.mean[0])
+    assert [f"{1e3 * value:.4f}" for value in values] == re.findall(r"\d\.\d{4}", text)[:3]
+    assert values[0] != short_run.passes[0].table.maximum[0]
 
 
 def test_the_trace_reads_back_bit_for_bit(saved: Path, short_run: lathe.Simulation) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -159,6 +160,6 @@ def test_a_log_in_pieces_gives_the_bits_of_the_whole(tmp_path: Path, monkeypatch
     ({"angle_wrap": -1.0}, "angle wrap is -1.0; give the period"),
     ({"position_wrap": math.inf}, "position wrap is inf; give the period"),
 ])
-def test_signals_that_cannot_be_are_refused(signals: dict[str, float], message: str) -> None:
+def test_signals_that_cannot_be_are_refused(signals: dict[str, Any], message: str) -> None:
     with pytest.raises(TraceError, match=message):
         Signals(**signals)

@@ -133,6 +133,51 @@ def test_starts_of_one_block_are_cut_pass_by_pass() -> None:
         assert one.table.mean[0] == pytest.approx(3e-3, abs=2e-4)  # P(n) measures the lead
 
 
+STARTS = "G97 S600 M3\nG0 X26. Z5.\n"
+
+
+def cuts(*words: str) -> str:
+    """G32 cuts, each with its X and Q: "19.4 Q180000"."""
+    return STARTS + "".join(f"X{word.split()[0]}\nG32 Z-8. F3. {word.split()[1]}\nG0 X26.\nZ5.\n" for word in words)
+
+
+@pytest.mark.parametrize(("words", "order"), [
+    (("19.4 Q0", "19.4 Q180000", "18.8 Q0", "18.8 Q180000"), "pass_by_pass"),
+    (("19.4 Q0", "18.8 Q0", "19.4 Q180000", "18.8 Q180000"), "start_by_start")])
+def test_starts_by_q_are_one_thread(words: tuple[str, ...], order: str) -> None:
+    """One workpiece, one operation: pitch = lead / starts; the order of the cuts is that of the program."""
+    (operation,) = program(cuts(*words))
+    values = operation.parameters
+    assert (values["controller.starts"], values["controller.start_order"]) == (2, order)
+    assert values["controller.pass_count"] == 2
+    result = lathe.simulate(parameters=values, stop_time=operation.stop_time)
+    assert [one.start_number for one in result.passes] == [1 + (word.endswith("Q180000")) for word in words]
+    assert [one.start_angle for one in result.passes] == pytest.approx(
+        [math.pi * word.endswith("Q180000") for word in words], abs=TURN / 4096)
+    assert [(one.lead, one.pitch) for one in result.passes] == [pytest.approx((3e-3, 1.5e-3))] * 4
+    for one, wanted in zip(result.passes, operation.passes, strict=True):
+        rows = (result["controller.pass_number"] == one.number) & (result["controller.threading"] == 1)
+        np.testing.assert_allclose(result["controller.x_command"][rows], wanted.start.x, atol=1e-9)
+
+
+@pytest.mark.parametrize("words", [
+    ("19.4 Q0", "19.4 Q90000"),  # not even
+    ("19.4 Q0", "19.4 Q180000", "18.8 Q0"),  # one start misses a cut
+    ("19.4 Q0", "19.3 Q180000", "18.8 Q0", "18.8 Q180000")])  # other depths
+def test_starts_that_are_not_alike_are_threads_of_their_own(words: tuple[str, ...]) -> None:
+    found = program(cuts(*words))
+    assert [one.parameters["controller.starts"] for one in found] == [1] * len(found)
+    assert sum(len(one.passes) for one in found) == len(words)
+
+
+def test_three_starts_by_thousandths_of_a_degree() -> None:
+    (operation,) = program(cuts("19.4 Q10000", "19.4 Q130000", "19.4 Q250000"))
+    assert operation.parameters["controller.starts"] == 3
+    assert operation.parameters["controller.first_start_angle"] == pytest.approx(math.radians(10.0))
+    seven = program(cuts(*(f"19.4 Q{round(360000 * k / 7)}" for k in range(7))))
+    assert [one.parameters["controller.starts"] for one in seven] == [7]
+
+
 def test_another_place_or_speed_is_another_operation() -> None:
     first, second = program(TWO_BY_Z)
     assert (first.parameters["controller.z_start"], second.parameters["controller.z_start"]) == (5e-3, 6.5e-3)
@@ -198,6 +243,26 @@ def test_threads_across_a_face_are_left_along_z() -> None:
     assert values["z_drive.initial_position"] == 2e-3
     (beside,) = program("G97 S300 M3\nG0 X60. Z-0.5\nG32 X20. F2.\nG0 X60.\nM30\n")
     assert beside.parameters["controller.infeed_axis"] == "x"
+
+
+@pytest.mark.parametrize(("text", "slope"), [
+    ("G97 S600 M3\nG0 X16. Z5.\nG76 P011060 Q50 R0.05\nG76 X20. Z-8. P920 Q500 F1.5\n", 0.0),
+    ("G97 S600 M3\nG0 X30. Z5.\nG76 P011060 Q50 R0.05\nG76 X22. Z-8. R-2. P920 Q500 F1.5\n", -2.0 / 13.0)])
+def test_the_workpiece_is_that_of_the_thread(text: str, slope: float) -> None:
+    """Internal and tapered: the first chip has depth^2 tan(30 degrees), and the last pass is as deep as the words."""
+    (operation,) = program(text)
+    result = lathe.simulate(parameters={**operation.parameters, "cutting.material": "almgsi1"},
+                            stop_time=operation.stop_time, record=["outputs", "cutting.taper"])
+    assert result["cutting.taper"][0] == pytest.approx(slope)
+    first, last = operation.passes[0], operation.passes[-1]
+    rows = (result["controller.threading"] == 1) & (result["controller.z_command"] < -2e-3)
+    rows &= result["controller.z_command"] > -6e-3
+    for one in (first, last):
+        cut = rows & (result["controller.pass_number"] == one.number)
+        depth = np.median(result["cutting.groove_depth"][cut])
+        assert depth == pytest.approx(one.depth, abs=0.03e-3)  # the tool and the workpiece yield
+    chip = np.median(result["cutting.chip_area"][rows & (result["controller.pass_number"] == 1)])
+    assert chip == pytest.approx((first.depth or 0.0) ** 2 * math.tan(math.radians(30.0)), rel=0.15)
 
 
 def test_parameters_of_the_control_reach_the_machine() -> None:

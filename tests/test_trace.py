@@ -286,3 +286,9 @@ def test_whole_numbers_and_strided_arrays_are_taken() -> None:
 def test_an_angle_that_counts_down_is_refused_with_the_mend() -> None:
     with pytest.raises(TraceError, match="counts down; give it counted up"):
         Trace(-np.arange(9.0), np.arange(9.0))
+
+
+def test_a_group_called_1_0_is_not_group_10(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("revs,z_mm,pass\n" + "".join(f"{k / 10},{k},{'10' if k < 30 else '1_0'}\n" for k in range(60)))
+    assert [trace.name for trace in read_groups(path, ColumnChoice())] == ["10", "1_0"]

@@ -11,14 +11,19 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from threadpitch.drive_fit import DriveFit, fit
     from threadpitch.judgement import Verdict, judge
     from threadpitch.lathe import Simulation, simulate
     from threadpitch.pitch import PitchTable, thread_pitch
+    from threadpitch.studies import StudyResult, Tuning, study, tune
 
-__all__ = ["PitchTable", "Simulation", "Verdict", "__version__", "judge", "simulate", "thread_pitch"]
+__all__ = ["DriveFit", "PitchTable", "Simulation", "StudyResult", "Tuning", "Verdict", "__version__", "fit", "judge",
+           "simulate", "study", "thread_pitch", "tune"]
 
 _HOMES = {"Simulation": "threadpitch.lathe", "simulate": "threadpitch.lathe", "PitchTable": "threadpitch.pitch",
-          "thread_pitch": "threadpitch.pitch", "Verdict": "threadpitch.judgement", "judge": "threadpitch.judgement"}
+          "thread_pitch": "threadpitch.pitch", "Verdict": "threadpitch.judgement", "judge": "threadpitch.judgement",
+          "DriveFit": "threadpitch.drive_fit", "fit": "threadpitch.drive_fit", "StudyResult": "threadpitch.studies",
+          "study": "threadpitch.studies", "Tuning": "threadpitch.studies", "tune": "threadpitch.studies"}
 
 
 def __getattr__(name: str) -> Any:

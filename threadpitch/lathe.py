@@ -22,22 +22,25 @@ from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
 from threadpitch.cycles.moves import Hand
 from threadpitch.fmu import available_compiler, cached_fmu
-from threadpitch.followers import following, tapered
-from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE, FloatArray, Pass, ToolPath, alarm_text, find_passes
+from threadpitch.passes import (
+    CONTROLLER,
+    FloatArray,
+    Pass,
+    ToolPath,
+    alarm_text,
+    find_passes,
+    hold_text,
+)
 from threadpitch.pitch import PitchTable
 from threadpitch.replacement import replacements
+from threadpitch.roles import X_DRIVE, Z_DRIVE, Roles
 from threadpitch.units import from_si
+from threadpitch.workpiece import tapered
 
 DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
 ACTUAL = "actual_pitch"
-Z_DRIVE, X_DRIVE = "z_drive", "x_drive"
 ANGLES = 8  # start angles of a PitchCalculator
-# Parameters of the control that a diagnosis needs
-LIMITS = tuple((component, name) for component, names in (
-    (CONTROLLER, ("commanded_speed", "period", "start_mode", "start_time_constant", "command_age", "age_compensation")),
-    (Z_DRIVE, ("speed_limit", "position_gain", "feedforward", "command_period", "torque_limit", "drive_type",
-               "screw_lead"))) for name in names)
 
 
 class LatheError(ValueError):
@@ -59,12 +62,18 @@ class Simulation(Mapping[str, cosim.block.Column]):
         self._numbers: tuple[int, ...] = ()
         self._final: frozenset[int] = frozenset()
         self._hands: tuple[Hand | None, ...] = ()
+        self._largest_lead: float | None = None
 
-    def numbered(self, numbers: Sequence[int], final: Iterable[int], hands: Sequence[Hand | None] = ()) -> Simulation:
-        """The same, its passes with a program's numbers and hands; those numbered ``final`` make the final flanks."""
+    def numbered(self, numbers: Sequence[int], final: Iterable[int], hands: Sequence[Hand | None] = (),
+                 largest_lead: float | None = None) -> Simulation:
+        """The same, its passes with a program's numbers and hands; those numbered ``final`` make the final flanks.
+
+        ``largest_lead`` (m per turn along Z) is that of all blocks, where it is not the controller's first.
+        """
         other = Simulation(self.result, self.flavor)
         other._numbers, other._final = tuple(numbers), frozenset(final)
         other._hands = tuple(hands) or (None,) * len(numbers)
+        other._largest_lead = largest_lead
         return other
 
     def parameter(self, name: str) -> float | None:
@@ -131,12 +140,21 @@ class Simulation(Mapping[str, cosim.block.Column]):
         return tuple(replaced(one, number=self._numbers[k], hand=self._hands[k],
                               final_flank=self._numbers[k] in self._final) for one, k in told)
 
+    def beside(self, one: Pass) -> dict[str, Pass]:
+        """One of ``passes`` as the other calculators saw it, by their names: of the lathe, the actual pitches."""
+        return {name: found[one.number] for name, found in self._others.items() if one.number in found}
+
+    @functools.cached_property
+    def _others(self) -> dict[str, dict[int, Pass]]:
+        return {name: {found.number: found for found in self.passes_of(name)} for name in self.calculators[1:]}
+
     def axis_too_slow(self) -> str:
         """What to say where lead x speed is more than the Z axis does; nothing where it is not, or not told."""
         names = [f"{CONTROLLER}.lead", f"{CONTROLLER}.commanded_speed", f"{Z_DRIVE}.speed_limit"]
         if not all(name in self._turning for name in names):
             return ""
         lead, speed, limit = (float(self._turning[name][0]) for name in names)
+        lead = lead if self._largest_lead is None else self._largest_lead
         if lead * speed / (2.0 * math.pi) <= limit:
             return ""
         return (f"{from_si(lead, 'mm'):.6g} mm a turn at {from_si(speed, 'rpm'):.6g} rpm is more than the Z axis does; "
@@ -175,7 +193,7 @@ class Simulation(Mapping[str, cosim.block.Column]):
         threading = self._threading()
         stop = self.result.schedule.time(self.steps)
         if not threading.any():
-            mend = self.alarm or self._why_not_at_speed() or "choose a longer stop time"
+            mend = self.alarm or hold_text(self.result) or self._why_not_at_speed() or "choose a longer stop time"
             return f"no threading until the stop at {stop:g} s; {mend}"
         began = float(self._turning.time[int(np.argmax(threading))])
         return (f"no whole turn until the stop at {stop:g} s: threading began at {began:g} s; "
@@ -202,7 +220,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
              step_size: float | None = None, flavor: str | None = None,
              replace: Mapping[str, str | Path] | None = None, record: Iterable[str] | None = None,
              record_every: int = 1, record_on: Iterable[str] = (), results: str | Path | None = None,
-             checkpoint: str | Path | None = None, checkpoint_every: float = 60.0,
+             checkpoint: str | Path | None = None, checkpoint_every: float = 60.0, method: cosim.Method | None = None,
              isolate: bool | Iterable[str] = False, progress: Progress | None = None) -> Simulation:
     """Simulate a lathe: a folder with SystemStructure.ssd, an .ssd or an .ssp, or a shipped one such as the default.
 
@@ -211,7 +229,7 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
     from the system. FMUs that the system names and that do not lie beside it are built from ``fmu_src``,
     in the flavor "native" or "python"; None takes native FMUs where a C compiler is found. ``replace`` names by
     component another .fmu, or a model file (.py), which is built. What is recorded (default:
-    all outputs and what the passes are found by), where it goes, checkpoints and isolation are those of
+    all outputs and what the passes are found by), where it goes, checkpoints, method and isolation are those of
     ``cosim.simulate``; the passes are found whatever is recorded.
 
     Raises:
@@ -219,29 +237,22 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         cosim.CosimError: the system, a value or a time is wrong, or a component fails.
         fmu.BuildError: an FMU cannot be built in this flavor.
     """
+    check_start_angles(start_angles)
     flavor = choose_flavor(flavor)
     chosen_fmus = replacements(replace or {}, flavor)
     with cosim.read_system(find_system(system), locate=functools.partial(locate_fmu, flavor),
                            replace=chosen_fmus) as structure:
         with cosim.prepare(structure) as plan:
-            calculators = [name for name, description in plan.descriptions.items()
-                           if "completed_pitch[1]" in description.variables]
-            controllers = [name for name, description in plan.descriptions.items()
-                           if {"z_face", "start_number"} <= description.variables.keys()]
-            cutters = [name for name, description in plan.descriptions.items()
-                       if {"surface_radius", "groove_position"} <= description.variables.keys()]
-            alarms = [f"{name}.alarm" for name in controllers if "alarm" in plan.descriptions[name].variables]
-            limits = [f"{component}.{name}" for component, name in LIMITS
-                      if component in plan.descriptions and name in plan.descriptions[component].variables]
-        chosen = {**(parameters or {}), **_start_angle_parameters(calculators, start_angles)}
-        chosen = following(chosen, calculators, cutters) | chosen
-        chosen = tapered(plan, chosen, cutters) | chosen
-        watch = _watch(calculators, controllers, [*limits, *alarms])
-        watch = cosim.Watch(watch.record, (*watch.on, *alarms))
+            roles = Roles.of(plan)
+        watch = roles.watch
+        chosen = roles.parameters(parameters or {}, start_angles)
+        chosen |= {name: value for name, value in tapered(plan, chosen, roles.cutters).items()
+                   if name not in (parameters or {})}
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
                                 record_every=record_every, record_on=record_on, watch=watch, results=results,
-                                checkpoint=checkpoint, checkpoint_every=checkpoint_every, isolate=isolate,
+                                checkpoint=checkpoint, checkpoint_every=checkpoint_every, method=method,
+                                isolate=isolate,
                                 progress=progress, about={
                                     "flavor": flavor, "replace": {name: str(path.absolute()) for name, path
                                                                   in chosen_fmus.items()}})
@@ -264,34 +275,19 @@ def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: 
     return Simulation(result, flavor)
 
 
-def _watch(calculators: Sequence[str], controllers: Sequence[str], limits: Sequence[str]) -> cosim.Watch:
-    """What tells of every turn: the calculators' results when a turn ends or threading begins or ends."""
-    record, on = [], []
-    for name in calculators:
-        record += [f"{name}.{variable}" for variable in ("direction", "pitch_target", "start_angle*", "completed*",
-                                                         "crossing_position*")]
-        on += [f"{name}.{variable}" for variable in ("threading", "completed[*", "revolution*")]
-    for name in controllers:
-        record += [f"{name}.{variable}" for variable in (*WORKPIECE, *TOLD)]
-    record += limits
-    return cosim.Watch(tuple(record), tuple(on))
-
-
 def choose_flavor(flavor: str | None = None) -> str:
     """The flavor itself; None is "native" where a C compiler (or ziglang) is found, else "python"."""
     return flavor or ("python" if available_compiler() is None else "native")
 
 
-def _start_angle_parameters(calculators: Sequence[str], start_angles: Sequence[float] | None) -> dict[str, Given]:
-    if start_angles is None:
-        return {}
-    if not 1 <= len(start_angles) <= ANGLES:
+def check_start_angles(start_angles: Sequence[float] | None) -> None:
+    """Refuse more start angles than a calculator takes.
+
+    Raises:
+        LatheError: there are none, or too many.
+    """
+    if start_angles is not None and not 1 <= len(start_angles) <= ANGLES:
         raise LatheError(f"{len(start_angles)} start angles; a pitch calculator takes 1 to {ANGLES}")
-    chosen: dict[str, Given] = {}
-    for name in calculators:
-        chosen[f"{name}.start_angle_count"] = len(start_angles)
-        chosen[f"{name}.start_angle"] = list(start_angles)
-    return chosen
 
 
 def shipped(name: str) -> Path:
@@ -334,5 +330,5 @@ def locate_fmu(flavor: str, source: str, base: Path, platforms: Sequence[str] | 
     if path.suffix == ".fmu" and model.is_file():
         return cached_fmu(model, flavor, platforms=platforms)
     known = ["".join(word.capitalize() for word in one.stem.split("_")) for one in model_files()]
-    raise cosim.SystemStructureError(f"FMU {source!r} is not in {base}, and no shipped model is called {path.stem!r}"
-                                     f"{nearest(path.stem, known)}")
+    raise cosim.SystemStructureError(f"FMU {source!r} does not lie beside the SSD, and no shipped model is called "
+                                     f"{path.stem!r}{nearest(path.stem, known)}")

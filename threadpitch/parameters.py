@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import reprlib
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TypeGuard
+from typing import TypeGuard, TypeVar
 
 from threadpitch import cosim
 from threadpitch.cosim.system import ParameterValue
 from threadpitch.cosim.values import Given
 from threadpitch.units import UNITS, compatible
 
+_Value = TypeVar("_Value")
+_DEEPEST = 20  # tables within tables; names of systems in systems have some
 _LARGEST = 1000  # bits of an integer: a double holds it
 
 
@@ -57,7 +59,7 @@ def read_assignments(assignments: Sequence[str]) -> dict[str, Given]:
 
 
 def _read_ssv(path: Path) -> dict[str, Given]:
-    return {entry.name: _with_unit(entry) for entry in cosim.read_parameter_set(path)}
+    return _once(path, ((entry.name, _with_unit(entry)) for entry in cosim.read_parameter_set(path)))
 
 
 def _with_unit(entry: ParameterValue) -> Given:
@@ -74,20 +76,32 @@ def _with_unit(entry: ParameterValue) -> Given:
 
 def _read_toml(path: Path) -> dict[str, Given]:
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as error:  # wrong grammar, wrong characters, numbers of thousands of digits
         raise ParameterFileError(f"{path}: is not TOML: {error}") from None
-    return dict(_flattened(path, document))
+    return _once(path, _flattened(path, document))
 
 
 def _read_json(path: Path) -> dict[str, Given]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=lambda pairs: _once(path, pairs))
+    except ParameterFileError:
+        raise
     except (ValueError, RecursionError) as error:
         raise ParameterFileError(f"{path}: is not JSON: {error}") from None
     if not isinstance(document, dict):
         raise ParameterFileError(f"{path}: holds no object; write {{\"z_drive\": {{\"screw_lead\": \"10mm\"}}}}")
-    return dict(_flattened(path, document))
+    return _once(path, _flattened(path, document))
+
+
+def _once(path: Path, pairs: Iterable[tuple[str, _Value]]) -> dict[str, _Value]:
+    """A dictionary of names that stand once: of two values one would be lost without a word."""
+    found: dict[str, _Value] = {}
+    for name, value in pairs:
+        if name in found:
+            raise ParameterFileError(f"{path}: {name!r} stands twice; keep one of them")
+        found[name] = value
+    return found
 
 
 def _flattened(path: Path, table: Mapping[str, object], owner: str = "") -> Iterator[tuple[str, Given]]:
@@ -95,6 +109,9 @@ def _flattened(path: Path, table: Mapping[str, object], owner: str = "") -> Iter
     for key, value in table.items():
         name = owner + str(key)
         if isinstance(value, Mapping):
+            if name.count(".") > _DEEPEST:
+                raise ParameterFileError(f"{path}: {name[:40]}... has more than {_DEEPEST} tables within tables; write "
+                                         "component.variable")
             yield from _flattened(path, value, f"{name}.")
         elif _is_value(value):
             yield name, value

@@ -76,6 +76,14 @@ def alarm_text(columns: Columns, time: FloatArray) -> str:
     return f"alarm {number} at {time[row]:.4g} s: {ALARMS.get(number, 'see the controller')}"
 
 
+def hold_text(columns: Columns) -> str:
+    """That the feed is held at the end, and how to mend it; empty where it is not, or not told."""
+    holding = columns.get(f"{CONTROLLER}.holding")
+    if holding is None or not holding[-1]:
+        return ""
+    return "the feed is held; release controller.feed_hold"
+
+
 def find_passes(columns: Columns, calculator: str, threading: NDArray[np.bool_], time: FloatArray) -> tuple[Pass, ...]:
     """The passes as this calculator saw them; ``threading`` (rows,) parts them, ``time`` (rows,) s tells when."""
     found = []

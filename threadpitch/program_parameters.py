@@ -15,8 +15,8 @@ from threadpitch.cycles import ControlParameters, G76Cycle, Interpretation, Pass
 from threadpitch.cycles import passes as passes_of_cycle
 from threadpitch.cycles.chain_blocks import without_inner_run_outs
 from threadpitch.cycles.dialect import Clamping, Finishing
-from threadpitch.cycles.moves import TURN, Point, SpindleSpeed, SurfaceSpeed, ThreadPath, Wait
-from threadpitch.cycles.pass_kinds import SAME
+from threadpitch.cycles.moves import TURN, Point, SpindleSpeed, SurfaceSpeed, Wait
+from threadpitch.cycles.thread_starts import in_order_of_starts, runs, shape_of, with_start_numbers
 
 MOST_BLOCKS = 32  # of a chain in the controller
 MOST_DEPTHS = 32  # of its list of passes
@@ -67,7 +67,7 @@ def operations(program: Interpretation, workpiece: Workpiece | None = None,
     set_up = {} if control is None else _of_control(control)
     made: list[Operation] = []
     cycles = list(program.cycles)
-    left = [without_inner_run_outs(one) for one in program.passes]
+    left = [without_inner_run_outs(one) for one in with_start_numbers(program.passes, program.moves)]
     while left:
         if left[0].depth is not None:
             cycle = cycles.pop(0)
@@ -149,7 +149,8 @@ def _list(passes: Sequence[Pass], piece: Workpiece) -> dict[str, Given]:
     """Passes that differ in X only, by their depths under the surface."""
     first = passes[0]
     starts = max(one.start_number for one in passes)
-    ends = [one.paths[0].end.x for one in passes[::starts]]
+    by_start = in_order_of_starts(passes)
+    ends = [one.paths[0].end.x for one in (passes[:len(passes) // starts] if by_start else passes[::starts])]
     outside = first.approach.x >= ends[-1]
     deepest = min(ends) if outside else max(ends)
     below = [abs(x - deepest) for x in ends]  # how far each is above the deepest
@@ -159,7 +160,8 @@ def _list(passes: Sequence[Pass], piece: Workpiece) -> dict[str, Given]:
     values: dict[str, Given] = {
         "z_face": piece.face, "x_surface": deepest + (height if outside else -height),
         "cycle": "list", "lead": path.lead, "lead_change": path.lead_change, "starts": starts, "start": 0,
-        "start_order": "pass_by_pass", "first_start_angle": path.start_angle, "z_start": path.start.z,
+        "start_order": "start_by_start" if by_start else "pass_by_pass",
+        "first_start_angle": path.start_angle, "z_start": path.start.z,
         "z_end": path.end.z, "x_thread": deepest, "taper": path.taper, "thread_height": height,
         "run_out_length": 0.0 if run_out is None else run_out.length,
         "run_out_height": 0.0 if run_out is None else abs(run_out.height),
@@ -188,12 +190,12 @@ def _chain(one: Pass, moved: float) -> dict[str, Given]:
 
 def _alike(passes: Sequence[Pass], spindle: Mapping[int, Spindle]) -> list[Pass]:
     """The passes from the first on that make one list: cuts of all starts, one after the other, deeper or not."""
-    shape = _shape(passes[0])
-    turning = _turning(spindle.get(passes[0].number))
+    run = next(runs(passes, spindle))
+    if in_order_of_starts(run) and len(run) <= MOST_DEPTHS * len(_starts_of(run)):
+        return run
     taken: list[Pass] = []
-    for cut in _cuts(passes):
-        first = cut[0]
-        same = _shape(first) == shape and _turning(spindle.get(first.number)) == turning
+    for cut in _cuts(run):
+        same = shape_of(cut[0], 0.0) == shape_of(run[0], 0.0)
         if taken and not (same and len(cut) == len(_starts_of(taken)) and len(taken) // len(cut) < MOST_DEPTHS):
             break
         taken += cut
@@ -215,26 +217,6 @@ def _cuts(passes: Sequence[Pass]) -> list[list[Pass]]:
             cuts.append([])
         cuts[-1].append(one)
     return cuts
-
-
-def _turning(spindle: Spindle) -> tuple[object, ...]:
-    return () if spindle is None else (type(spindle), spindle.speed, spindle.direction)
-
-
-def _shape(one: Pass) -> tuple[object, ...]:
-    """All of a pass but its X: equal for passes that one list can hold."""
-    return (_rounded(one.approach.x), _rounded(one.approach.z), *(_path_shape(path, one) for path in one.paths))
-
-
-def _path_shape(path: ThreadPath, one: Pass) -> tuple[object, ...]:
-    run_out = None if path.run_out is None else (_rounded(path.run_out.length), _rounded(path.run_out.height))
-    return (_rounded(path.start.z), _rounded(path.end.z), _rounded(path.end.x - one.paths[0].end.x),
-            _rounded(path.taper), _rounded(path.lead), _rounded(path.lead_change), round(path.start_angle, 9), run_out,
-            path.wait)
-
-
-def _rounded(length: float) -> int:
-    return round(length / SAME)
 
 
 def _stop_time(passes: Sequence[Pass], spindle: Spindle) -> float:

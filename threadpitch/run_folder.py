@@ -34,6 +34,7 @@ def run_document(simulation: Simulation, found: Diagnosis | None = None) -> dict
     return {
         "passes": [_pass_record(one) for one in simulation.passes],
         "alarm": simulation.alarm or None,
+        "events": event_records(simulation),
         "steps": simulation.steps,
         "simulated_s": simulation.simulated,
         "wall_s": simulation.wall_time,
@@ -42,16 +43,28 @@ def run_document(simulation: Simulation, found: Diagnosis | None = None) -> dict
     }
 
 
-def check_folder(folder: str | Path) -> None:
+def event_records(simulation: Simulation) -> list[dict[str, object]]:
+    """What the run waited for, and when it happened."""
+    return [{"time_s": time, "variable": variable, "direction": direction}
+            for time, variable, direction in simulation.result.events]
+
+
+def check_folder(folder: str | Path, *others: Path | None) -> None:
     """Refuse a folder that cannot take a run, before the run instead of after it; nothing is left behind.
 
+    ``others`` are files that the run writes besides.
+
     Raises:
-        OSError: a file is in the way, or the folder, or the one that it would be made in, cannot be written.
+        OSError: a file is in the way, one of the others has the name of a file of the folder, or the folder,
+            or the one that it would be made in, cannot be written.
     """
     folder = Path(folder)
     for name in (*FILES, MEASURED):
         if (folder / name).is_dir():
             raise IsADirectoryError(f"{folder / name} is a folder; {_CHOOSE}")
+        for other in others:
+            if other is not None and other.resolve() == (folder / name).resolve():
+                raise FileExistsError(f"{other}: {name} of this folder is another file of the run; choose another name")
     nearest = next((one for one in (folder, *folder.parents) if os.path.lexists(one)), Path())
     if not nearest.is_dir():
         raise NotADirectoryError(f"{nearest} is not a folder; {_CHOOSE}")
@@ -107,7 +120,7 @@ def _write_files(simulation: Simulation, folder: Path, found: Diagnosis | None) 
     if simulation.result.path is None:
         simulation.result.save(folder)
     _write_pitches(simulation, folder / "pitch.csv")
-    text = "\n".join(pass_text(one) for one in simulation.passes)
+    text = "\n".join(pass_text(one, simulation.beside(one)) for one in simulation.passes)
     verdict = "" if found is None else "\n" + "\n".join(diagnosis_lines(found)) + "\n"
     (folder / "tables.txt").write_text(text + verdict, encoding="utf-8")
     (folder / "result.json").write_text(json.dumps(run_document(simulation, found), indent=1) + "\n", encoding="utf-8")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,16 +96,19 @@ def show_groups(console: Console, groups: Sequence[GroupPitch | StreamedPitch], 
         console.print()
 
 
-def show_pass(console: Console, one: Pass, *, decimals: int = 4) -> None:
-    """Prints the tables and deviations of a simulated pass; drawn lines and colours on a terminal, plain in a pipe."""
-    console.print(_pass_renderable(one, _layout_of(console, decimals)))
+def show_pass(console: Console, one: Pass, others: Mapping[str, Pass] | None = None, *, decimals: int = 4) -> None:
+    """Prints the tables and deviations of a simulated pass; drawn lines and colours on a terminal, plain in a pipe.
+
+    Of ``others``, the same pass as other calculators saw it, the statistics follow.
+    """
+    console.print(_pass_renderable(one, others or {}, _layout_of(console, decimals)))
     for line in pass_deviation_lines(console, one):
         console.print(line)
 
 
-def pass_text(one: Pass, layout: Layout | None = None) -> str:
-    """The tables of a simulated pass as plain text."""
-    return _plain(_pass_renderable(one, layout or Layout()), layout or Layout())
+def pass_text(one: Pass, others: Mapping[str, Pass] | None = None, layout: Layout | None = None) -> str:
+    """The tables of a simulated pass as plain text, with the statistics of the same pass by ``others``."""
+    return _plain(_pass_renderable(one, others or {}, layout or Layout()), layout or Layout())
 
 
 def pass_description(one: Pass) -> str:
@@ -162,7 +165,7 @@ def _movement_table(table: PitchTable, columns: range, layout: Layout) -> Table:
     return made
 
 
-def _pass_renderable(one: Pass, layout: Layout) -> RenderableType:
+def _pass_renderable(one: Pass, others: Mapping[str, Pass], layout: Layout) -> RenderableType:
     """The tables, with the statistics once more over the turns that lie in the metal."""
     head = Text(f"Pass {one.number}, start {one.start_number}", style="bold")
     told = [Text(what)] if (what := pass_description(one)) else []
@@ -170,6 +173,11 @@ def _pass_renderable(one: Pass, layout: Layout) -> RenderableType:
     if one.effective is not None and one.in_metal.any():
         parts += [Text(f"Effective thread: turns in the metal, {_in_metal(one.table, one.in_metal)}"),
                   *_statistics_tables(one.table, one.effective, layout)]
+    for name, other in others.items():
+        in_metal = other.effective is not None and other.in_metal.any()
+        turns = f"in the metal, {_in_metal(other.table, other.in_metal)}" if in_metal else "all"
+        found = other.effective if in_metal and other.effective else other.table.statistics
+        parts += [Text(printable(f"By {name}: turns {turns}")), *_statistics_tables(other.table, found, layout)]
     return Group(*parts)
 
 

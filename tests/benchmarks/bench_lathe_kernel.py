@@ -4,7 +4,7 @@
 
 A bare loop is compiled code that does nothing but set one FMU's inputs, as they were recorded in a run of the lathe,
 and call its doStep, so that every FMU does the work that it does in the lathe. All take turns, round by round; the
-shortest time of each is taken, because other work on the machine only makes a run slower.
+shortest of each is taken, and processor time, because other work on the machine only makes a run slower.
 """
 
 from __future__ import annotations

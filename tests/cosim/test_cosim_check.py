@@ -142,6 +142,19 @@ def test_connectors_must_match_the_fmu(connector: Connector, message: str) -> No
         check(System("test", (replace(COMPONENTS[0], connectors=(connector,)),)), DESCRIPTIONS)
 
 
+def test_a_connector_stands_once() -> None:
+    giver = replace(COMPONENTS[0], connectors=(Connector("position", "output"),) * 2)
+    with pytest.raises(SystemStructureError, match=r"connector giver\.position stands twice"):
+        check(System("test", (giver,)), DESCRIPTIONS)
+
+
+@pytest.mark.parametrize("numbers", [(float("nan"), 0.0), (1.0, float("inf"))])
+def test_transformations_are_finite(numbers: tuple[float, float]) -> None:
+    message = refusal(wire("giver.position", "taker.path", factor=numbers[0], offset=numbers[1]))
+    assert "giver.position -> taker.path: the LinearTransformation" in message
+    assert "is not finite" in message
+
+
 def test_a_connection_needs_connectors_where_the_ssd_lists_any() -> None:
     giver = replace(COMPONENTS[0], connectors=(Connector("speed", "output"),))
     with pytest.raises(SystemStructureError, match="lists no connector 'position'"):

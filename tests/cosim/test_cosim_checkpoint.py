@@ -139,6 +139,8 @@ def test_what_is_not_of_this_run_is_refused(probe_fmu: Path, make_fmu: Factory, 
         resume(state, system=system, results=tmp_path / "rows.parquet")
     with pytest.raises(CheckpointError, match="does not say where its system is; hand it over"):
         resume(state)
+    with pytest.raises(CheckpointError, match=r"state: the run is at t = 0\.5 s already; give a later stop time"):
+        resume(state, system=system, stop_time=0.4)
 
 
 def test_parameter_sets_that_changed_are_refused(probe_fmu: Path, tmp_path: Path) -> None:

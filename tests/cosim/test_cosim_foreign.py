@@ -1,7 +1,8 @@
 """FMUs and systems that nobody here wrote: they run, and give the outputs that were published with them.
 
-They are looked for in the installed packages and in the folder that ``THREADPITCH_FOREIGN`` names; the FMUs of
-modelica/Reference-FMUs, for instance, carry their results (``extra/org.fmi-standard.fmi-ls-ref/<Name>_out.csv``).
+They are looked for in the installed packages (those of modestpy, which need inputs, are in test_cosim_published.py)
+and in the folder that ``THREADPITCH_FOREIGN`` names; the FMUs of modelica/Reference-FMUs, for instance, carry their
+results (``extra/org.fmi-standard.fmi-ls-ref/<Name>_out.csv``).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from threadpitch.cosim.system import Component, System
 
 FOLDERS = [Path(sysconfig.get_path("purelib")), *map(Path, filter(None, [os.environ.get("THREADPITCH_FOREIGN")]))]
 FOUND = [path for folder in FOLDERS for path in sorted(folder.rglob("*.[fs][ms][up]"))
-         if path.suffix in (".fmu", ".ssp") and "threadpitch" not in path.parts]
+         if path.suffix in (".fmu", ".ssp") and not {"threadpitch", "modestpy"} & {*path.parts}]
 WHY_NONE = "no installed package holds an FMU or SSP; name a folder of them in THREADPITCH_FOREIGN"
 
 

@@ -8,13 +8,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.cosim.slaves import FunctionInstance, State, variable
 from tests.cosim.test_cosim_accuracy import exact, oscillator
-from threadpitch.cosim import CosimError, Event, Method, Result, StepControl, StepError, SystemStructureError, simulate
+from threadpitch.cosim import (
+    CosimError,
+    Event,
+    Method,
+    Result,
+    StepControl,
+    StepError,
+    SystemStructureError,
+    resume,
+    simulate,
+)
 from threadpitch.cosim.block import Channel
 from threadpitch.cosim.engine import choose_engine
 from threadpitch.cosim.events import Level
@@ -142,6 +153,20 @@ def test_fmus_of_fmi_3_end_steps_where_they_have_events(probe_fmu: Path, probe3_
     plain = simulate(system, step_size=0.02, stop_time=0.2, parameters=given)
     assert plain.events == ()
     assert set(plain["a.events"].tolist()) == {0}
+
+
+def test_announced_events_survive_a_checkpoint(probe3_fmu: Path, tmp_path: Path) -> None:
+    """An FMU tells its next event once, when the one before is dealt with."""
+    system = System("one", (Component("a", probe3_fmu),), ())
+    arguments: dict[str, Any] = {"step_size": 0.02, "method": Method(event_mode=True), "parameters": {
+        "a.period": 0.05, "a.announced": True, "a.u": 1.0}}
+    whole = simulate(system, stop_time=0.4, **arguments)
+    simulate(system, stop_time=0.18, checkpoint=tmp_path / "state", **arguments)
+    resumed = resume(tmp_path / "state", system=system, stop_time=0.4)
+    assert resumed.events == whole.events
+    assert len(whole.events) == 8
+    for name in ("time", *whole):
+        assert resumed[name].tobytes() == whole[name].tobytes()
 
 
 @native

@@ -104,6 +104,21 @@ def program(**values: object) -> list[str]:
     return [sys.executable, "-c", textwrap.dedent(PROGRAM.format(**values))]
 
 
+def alive(number: str) -> bool:
+    """Whether a process is there, and not only waits for its parent to look at it."""
+    try:
+        return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def assert_ended(numbers: list[str]) -> None:
+    deadline = clock.monotonic() + 10.0
+    while any(map(alive, numbers)):
+        assert clock.monotonic() < deadline
+        clock.sleep(0.02)
+
+
 def environment(folder: Path) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "TMPDIR": str(folder)}
 
@@ -140,7 +155,38 @@ def test_workers_end_with_their_master(probe_fmu: Path, tmp_path: Path) -> None:
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
         assert len(children) == 2
         process.kill()
-    deadline = clock.monotonic() + 10.0
-    while any(Path(f"/proc/{child}").exists() for child in children):
-        assert clock.monotonic() < deadline
-        clock.sleep(0.02)
+    assert_ended(children)
+
+
+HANGING = """
+    from pathlib import Path
+    from threadpitch.cosim import simulate
+    from threadpitch.cosim.interrupt import end_in_order
+    from threadpitch.cosim.system import Component, System
+    end_in_order()
+    simulate(System("one", (Component("a", Path({fmu!r})),)), parameters={{"a.fault": 6, "a.fault_time": 0.5}},
+             stop_time=1.0, step_size=0.01, isolate=True, results={results!r})
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+@pytest.mark.parametrize("numbers", [[signal.SIGTERM, signal.SIGTERM], [signal.SIGKILL]])
+def test_a_component_that_never_returns_can_be_ended(probe_fmu: Path, tmp_path: Path,
+                                                     numbers: list[signal.Signals]) -> None:
+    """By a second signal, with the rows in the file; and a master that is killed takes its worker with it."""
+    results = tmp_path / "rows.csv"
+    text = textwrap.dedent(HANGING.format(fmu=str(probe_fmu), results=str(results)))
+    with subprocess.Popen([sys.executable, "-c", text], env=environment(tmp_path), stderr=subprocess.PIPE,
+                          text=True) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == "never\n"
+        workers = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        assert len(workers) == 1
+        for number in numbers:
+            process.send_signal(number)
+            clock.sleep(0.2)  # two signals at once are one
+        process.wait(10.0)
+        assert_ended(workers)
+    if len(numbers) == 2:
+        assert len(results.read_text().splitlines()) == 52  # header, 0 to 0.5 s
+        assert not any(tmp_path.glob("threadpitch-*"))

@@ -160,7 +160,7 @@ def test_missing_and_foreign_files(tmp_path: Path) -> None:
     (ssd(version="3.0"), "is SSP version '3.0'; only 1.0 and 2.0 are read"),
     (ssd("<ssd:Elements/>"), "breaks the SSP 1.0 schema"),
     (ssd(""), "the system holds no component"),
-    (ssd(BODY.replace("My%20Probe", "Gone")), "component 'a': FMU 'resources/Gone.fmu' is not in"),
+    (ssd(BODY.replace("My%20Probe", "Gone")), "component 'a': FMU 'resources/Gone.fmu' does not lie beside"),
     (ssd(BODY.replace("resources/My%20Probe", "../out")), "is not a path inside of the SSD's folder"),
     (ssd(BODY.replace("resources/My%20Probe", "%2e%2e/out")), "is not a path inside of the SSD's folder"),
     (ssd(BODY.replace("resources/My%20Probe", "/etc/out")), "is not a path inside of the SSD's folder"),

@@ -202,7 +202,7 @@ def test_annotations_are_kept_and_tell_the_step(tmp_path: Path) -> None:
 
 def test_a_component_is_replaced(tmp_path: Path) -> None:
     text = ssd(system(nested("one", INNER) + '<ssd:Component name="b" source="Gone.fmu"/>'))
-    with pytest.raises(SystemStructureError, match=r"'Gone\.fmu' is not in"):
+    with pytest.raises(SystemStructureError, match=r"'Gone\.fmu' does not lie beside"):
         read(tmp_path, text)
     other = tmp_path / "Other.fmu"
     other.write_text("fmu")
@@ -219,6 +219,6 @@ def test_all_problems_of_all_files_are_told_at_once(tmp_path: Path) -> None:
                       '<ssd:Component name="c"/>' + nested("n", system('<ssd:Component name="d" source="D.fmu"/>')),
                       before=bound('<ssd:ParameterBinding source="gone.ssv"/>')), "2.0")
     found = problems(tmp_path, text)
-    for message in ("'a': FMU 'A.fmu' is not in", "'../B.fmu' is not a path inside", "'c' names no source",
-                    "'n.d': FMU 'D.fmu' is not in", "gone.ssv: no such file"):
+    for message in ("'a': FMU 'A.fmu' does not lie beside", "'../B.fmu' is not a path inside", "'c' names no source",
+                    "'n.d': FMU 'D.fmu' does not lie beside", "gone.ssv: no such file"):
         assert message in found

@@ -86,8 +86,10 @@ def analyze(
     screw = of_log.screw_lead if ball_screw is None else ball_screw
     asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement, expected_lag)
     choice = of_log.choice(index_enable)
+    parted = synchronous or index_enable is not None
+    lead = 1e-3 * target if parted and target is not None else None
     signals = of_log.signals(latency=latency, outlier=None if outlier is None else 1e-3 * outlier,
-                             synchronous=synchronous, lead=None if target is None else 1e-3 * target)
+                             synchronous=synchronous, lead=lead)
     starts = radians(start_angle or [0.0])
     interval = None if sample_interval is None else math.radians(sample_interval)
     if crossing not in CROSSINGS:
@@ -132,7 +134,8 @@ class Reading:
 def _groups(reading: Reading, keeper: Keeper | None) -> Sequence[GroupPitch | StreamedPitch]:
     log, choice, starts, signals = reading.log, reading.choice, reading.start_angles, reading.signals
     if reading.whole:
-        found = pitch_tables(log, choice, starts, signals, CROSSINGS[reading.crossing])
+        with counting("reading") as told:
+            found = pitch_tables(log, choice, starts, signals, CROSSINGS[reading.crossing], told=told)
         if keeper is not None:
             for group in found:
                 keeper.sample(group.label, group.trace)

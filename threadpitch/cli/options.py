@@ -18,10 +18,14 @@ _RECORDED = r"outputs|inputs|locals|parameters|\*|(?!.*\.ss[dp]$)[^-/\\][^/\\]*\
 SEVERAL = {
     "--start-angle": r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)",
     "--set": r"[^-=][^=]*=.*",
+    "--known": r"[^-=][^=]*=.*",
+    "--free": r"[a-z]\w*",
     "--replace": r"[^-=][^=]*=.*",
     "--record": _RECORDED,
     "--record-on": _RECORDED,
     "--measure": r"[^-=][^=]*=.*",
+    "--multiple": r"[^-=][^=]*=.*",
+    "--event": r"[^-=][^=]*=.*",
     "--isolate": r"[^-/\\.][^/\\.]*",
     "--platform": r"(linux|win|darwin)(64|-arm64)|(x86_64|aarch64)-[a-z]+",
 }

@@ -17,10 +17,11 @@ from threadpitch.cli.printing import BAD_INPUT, complain, fail, print_json, prin
 from threadpitch.diagnosis import Diagnosis, diagnose, diagnosis_document, diagnosis_lines
 from threadpitch.judgement import JudgementError
 from threadpitch.measuring import MeasuringPlan
-from threadpitch.run_folder import run_document, save_run
-from threadpitch.tables import show_pass
+from threadpitch.run_folder import event_records, run_document, save_run
+from threadpitch.tables import printable, show_pass
 
 DEFAULT_OUTPUT = "threadpitch-run"
+_MOST_EVENTS = 10  # that are printed
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +88,12 @@ def _program_document(done: Sequence[Done]) -> dict[str, object]:
     simulations = [one.simulation for one in done]
     documents = [run_document(simulation) for simulation in simulations]
     passes = [one for document in documents for one in document["passes"]]  # type: ignore[attr-defined] # a list
+    events = [{"operation": number, **event} for number, simulation in enumerate(simulations, start=1)
+              for event in event_records(simulation)]
     return {
         "passes": passes,
         "alarm": next((simulation.alarm for simulation in simulations if simulation.alarm), None),
+        "events": events,
         "steps": sum(simulation.steps for simulation in simulations),
         "simulated_s": sum(simulation.simulated for simulation in simulations),
         "wall_s": sum(simulation.wall_time for simulation in simulations),
@@ -108,7 +112,7 @@ def _warn(simulation: lathe.Simulation) -> None:
 def _show(done: Done, stored: dict[str, object]) -> None:
     console, simulation, saved = Console(), done.simulation, done.files
     for one in simulation.passes:
-        show_pass(console, one)
+        show_pass(console, one, simulation.beside(one))
         console.print()
     if not simulation.calculators:
         console.print(simulation.why_no_turn())
@@ -118,6 +122,10 @@ def _show(done: Done, stored: dict[str, object]) -> None:
         for line in (*lines, ""):
             console.print(Text(line))
     result = simulation.result
+    for time, variable, direction in result.events[:_MOST_EVENTS]:
+        print(f"event: {printable(variable)} {direction} at t = {time:.9g} s")
+    if result.events[_MOST_EVENTS:]:
+        print(f"and {len(result.events) - _MOST_EVENTS} more events in result.json")
     elsewhere = "" if result.path is None else f", results in {result.path}"
     print(f"{simulation.steps} steps, {simulation.simulated:g} s simulated in {simulation.wall_time:.2f} s with "
           f"{simulation.flavor} FMUs\nsaved in {saved[0].parent}: {', '.join(path.name for path in saved)}{elsewhere}")

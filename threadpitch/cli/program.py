@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -47,6 +47,9 @@ def run_program(job: Job, output: Path, simulate: Simulate) -> list[Done]:
     result = job.interpreted()
     for notice in result.notices:
         remark(f"note: {notice}")
+    across = [one.number for one in result.passes if any(path.long_axis == "x" for path in one.paths)]
+    if across:
+        remark(f"note: pass {across[0]} has its lead along X: P(n) below is the movement along Z, not its lead")
     steps = operations(result, control=None if job.control is None else result.parameters)
     hands = dict(zip((one.number for one in result.passes), cycles.hands(result.passes, result.moves), strict=True))
     final = cycles.final_flank(result.passes)
@@ -55,9 +58,15 @@ def run_program(job: Job, output: Path, simulate: Simulate) -> list[Done]:
         folder = output if len(steps) == 1 else output / f"operation-{number}"
         numbers = [one.number for one in step.passes]
         simulation = simulate(folder, step.parameters, step.stop_time).numbered(
-            numbers, final, [hands[one] for one in numbers])
+            numbers, final, [hands[one] for one in numbers], _largest_lead(step.passes))
         if 0 < simulation.begun_passes < len(step.passes) and not simulation.alarm:
             remark(f"warning: {simulation.begun_passes} of {len(step.passes)} passes were begun until the stop; choose "
                    "a longer --stop-time")
         done.append(save(simulation, folder, job.plan))
     return done
+
+
+def _largest_lead(passes: Sequence[cycles.Pass]) -> float | None:
+    """Of all blocks along Z, where it grows at its end, m per turn; None where none runs along Z."""
+    leads = [max(path.lead, path.end_lead) for one in passes for path in one.paths if path.long_axis == "z"]
+    return max(leads, default=None)

@@ -23,8 +23,10 @@ def resume(
     as_json: AsJson = False,
 ) -> None:
     """Go on with a run that was interrupted, or to a later stop time, as if it had never ended."""
-    check_folder(output)
-    flavor = str(cosim.read_checkpoint(checkpoint).metadata["about"].get("flavor", "native"))
+    saved = cosim.read_checkpoint(checkpoint)
+    results = saved.document["results"].get("path")
+    check_folder(output, checkpoint, None if results is None else Path(results))
+    flavor = str(saved.metadata["about"].get("flavor", "native"))
     with keeping(output, flavor), progress("simulating") as told:
         simulation = lathe.resume(checkpoint, stop_time=stop_time, progress=told)
     finish(save(simulation, output, None), as_json)

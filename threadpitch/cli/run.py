@@ -10,6 +10,17 @@ import typer
 
 from threadpitch import cycles, lathe
 from threadpitch.cli import store_options
+from threadpitch.cli.coupling import (
+    DEFAULT,
+    Adaptive,
+    Coupling,
+    Events,
+    Extrapolation,
+    Multiples,
+    Tolerance,
+    Words,
+    read_method,
+)
 from threadpitch.cli.kept import Asked, check_store, keeping_run
 from threadpitch.cli.options import (
     AsJson,
@@ -32,6 +43,7 @@ from threadpitch.cli.options import (
 from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping, save
 from threadpitch.cli.printing import fail, printing, progress
 from threadpitch.cli.program import Job, run_program
+from threadpitch.cosim.keeping import SAVING_TIME
 from threadpitch.cosim.values import Given
 from threadpitch.faults import fault_names, read_fault
 from threadpitch.measuring import read_plan
@@ -64,6 +76,12 @@ def run(
         metavar="S", parser=number, help="Stop time in s.", show_default="of the system")] = None,
     step_size: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="Communication step in s.", show_default="what the FMUs recommend")] = None,
+    coupling: Coupling = DEFAULT.coupling,
+    extrapolation: Extrapolation = 0,
+    multiple: Multiples = None,
+    tolerance: Tolerance = DEFAULT.tolerance,
+    adaptive: Adaptive = None,
+    event: Events = None,
     flavor: Flavor = None,
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trace.csv, pitch.csv, tables.txt and "
                                                              "result.json.")] = Path(DEFAULT_OUTPUT),
@@ -79,8 +97,8 @@ def run(
     checkpoint: Annotated[Path | None, typer.Option(
         metavar="FILE", help="Save the state of the run for `threadpitch resume FILE`, at the end and when it is "
                              "interrupted too.")] = None,
-    checkpoint_every: Annotated[float, typer.Option(metavar="S", parser=number, help="Time between two saves in s.")]
-    = 60.0,
+    checkpoint_every: Annotated[float | None, typer.Option(
+        metavar="S", parser=number, help="Time between two saves in s.", show_default=f"{SAVING_TIME:g}")] = None,
     isolate: Annotated[list[str] | None, typer.Option(
         metavar="NAME ...", help="Components in processes of their own, whose crash ends the run in order; all for "
                                  "all.")] = None,
@@ -93,7 +111,9 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Simulate a lathe that cuts a thread, print the movement per revolution and where its fluctuation comes from."""
-    check_folder(output)
+    check_folder(output, results, checkpoint)
+    if checkpoint is None and checkpoint_every is not None:
+        fail("--checkpoint-every saves nothing without --checkpoint FILE; give one")
     chosen = None if fault is None else read_fault(fault)
     plan = None if measure is None else read_plan(measure)
     values: dict[str, Given] = {}
@@ -103,6 +123,7 @@ def run(
     angles = None if start_angle is None else radians(start_angle)
     replaced = {**read_replacements(replace or [])}
     faulty = {} if chosen is None else chosen.parameters
+    method = read_method(Words(coupling, extrapolation, multiple or (), tolerance, adaptive, event or ()))
 
     def simulated(folder: Path, words: Mapping[str, Given], enough: float | None) -> lathe.Simulation:
         with keeping(folder, lathe.choose_flavor(flavor)), progress("simulating") as told:
@@ -110,7 +131,7 @@ def run(
                 system, parameters={**faulty, **words, **values}, start_angles=angles, step_size=step_size,
                 flavor=flavor, stop_time=enough if stop_time is None else stop_time, record=record,
                 record_every=record_every, record_on=record_on or (), results=results, checkpoint=checkpoint,
-                checkpoint_every=checkpoint_every,
+                checkpoint_every=SAVING_TIME if checkpoint_every is None else checkpoint_every, method=method,
                 replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
 
     cut = program_name or ("" if program is None else program.name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import shutil
 import stat
@@ -20,6 +21,7 @@ LARGEST_RATIO = 200  # unpacked to packed: binaries and tables come to 10, defla
 SMALL = 64 * 2**20  # bytes unpacked up to which any ratio is fine
 _LOCAL_HEADER = 30  # bytes before a member's name
 _ENCRYPTED = 0x1
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
 class ArchiveError(CosimError):
@@ -70,6 +72,9 @@ def unpack(archive: Path, name: str = "", room: int = MAXIMUM_SIZE) -> Temporary
         folder.close()
         if isinstance(error, ArchiveError):
             raise
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            raise ArchiveError(f"{name}: cannot be unpacked into {folder.path.parent} ({str(error.strerror).lower()}); "
+                               "free some space there, or name another folder in TMPDIR") from None
         raise ArchiveError(f"{name}: is not a readable ZIP archive ({error}); export it again") from None
 
 

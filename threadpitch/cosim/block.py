@@ -111,7 +111,12 @@ class Channels:
 
 
 def _restlessness(channel: Channel) -> int:
-    return 0 if channel.variable.fixed else 1 if channel.variable.discrete else 2
+    """How often a value may be expected to change: never, as one of many at events, at events, always."""
+    if channel.variable.fixed:
+        return 0
+    if channel.variable.discrete:
+        return 1 if channel.variable.name.endswith("]") else 2
+    return 3
 
 
 def _pieces(by_width: Mapping[int, Sequence[Channel]]) -> Iterator[Piece]:
@@ -184,6 +189,11 @@ class Block:
         """The same rows with some of the columns."""
         if channels is self.channels:
             return self
+        if 2 * len(channels.all) > len(self.channels.all):  # piece by piece is faster than column by column
+            whole = self.rows
+            return Block.of_rows(channels, self.times, {
+                width: whole[width][:, [self.channels.places[channel.name] for channel in found]]
+                for width, found in channels.by_width.items()})
         rows = channels.empty(len(self))
         for channel in channels.all:
             rows[channel.width][:, channels.places[channel.name]] = self._bits(channel)

@@ -56,6 +56,9 @@ def _check_components(joiner: Joiner) -> None:
         if fmu.once_per_process and [found.fmu for found in components].count(component.fmu) > 1:
             joiner.problems.append(f"component {component.name!r}: {component.fmu.name} can be instantiated only once "
                                    "per process, but several components use it; give each a copy of its own")
+        listed = [connector.name for connector in component.connectors]
+        joiner.problems += [f"connector {component.name}.{name} stands twice" for name in dict.fromkeys(listed)
+                            if listed.count(name) > 1]
         for connector in component.connectors:
             _check_connector(joiner, component, connector, fmu)
 

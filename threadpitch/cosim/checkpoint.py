@@ -26,12 +26,14 @@ from threadpitch.cosim.events import EventRecord
 from threadpitch.cosim.memory import Memory
 from threadpitch.cosim.metadata import differences
 from threadpitch.cosim.network import Network
+from threadpitch.cosim.places import CHECKPOINT, written
 from threadpitch.cosim.recording import MemoryRows, Recorder
+from threadpitch.cosim.schedule import Schedule
 
 _Bytes: TypeAlias = bytes | memoryview
 
 FORMAT = 1
-_DOCUMENT, _DIGEST = "checkpoint.json", "sha256"
+_DOCUMENT, _DIGEST = CHECKPOINT, "sha256"
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first that ZIP knows: equal states make equal files
 
 
@@ -63,6 +65,17 @@ class Checkpoint:
         if found:
             more = f" (and {len(found) - 1} more)" if found[1:] else ""
             raise CheckpointError(f"{self.path}: is of another run: {found[0]}{more}; go on with what it was made with")
+
+    def check_steps(self, schedule: Schedule) -> None:
+        """Compare with the communication points that are to be reached.
+
+        Raises:
+            CheckpointError: the run is past the last of them.
+        """
+        done = int(self.document["steps"])
+        if done > schedule.steps:
+            raise CheckpointError(f"{self.path}: the run is at t = {schedule.time(done):.9g} s already; give a later "
+                                  "stop time")
 
     def restore(self, network: Network) -> None:
         """Put everything back into a network that has been initialised.
@@ -135,7 +148,8 @@ def write_checkpoint(path: Path, network: Network, metadata: Mapping[str, Any], 
         for word, block in (("kept", kept), ("last", taking.last or nothing)):
             arrays = _row_arrays(f"rows/{number}/{word}", block.times, block.rows)
             members |= {name: _raw(array) for name, array in arrays}
-    _write(path, members | {_DIGEST: _digest(members).encode()})
+    with written(path):
+        _write(path, members | {_DIGEST: _digest(members).encode()})
 
 
 def read_checkpoint(path: str | Path) -> Checkpoint:

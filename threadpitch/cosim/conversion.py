@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -71,6 +72,8 @@ def law(connection: Connection, passed: Sequence[Stage], variable: FmuVariable) 
         if variable.family == "Real":
             _refuse_table(way)
             found = _after(found, between_units(one, other) if way.convert_units else Law())
+            if not (math.isfinite(way.factor) and math.isfinite(way.offset)):
+                raise ConversionError(f"the LinearTransformation {way.factor:g} x + {way.offset:g} is not finite")
             found = _after(found, Law(way.factor, way.offset))
         else:
             found = Law(table=_then(found.table, _pairs(way, one, other, variable)))

@@ -7,6 +7,7 @@ import io
 import json
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 
 from threadpitch.cosim.block import Block, Channel, Channels, Column
 from threadpitch.cosim.errors import CosimError
+from threadpitch.cosim.places import metadata_path, written
 
 _PIECE = 4096  # rows that are text at once
 
@@ -40,11 +42,6 @@ def lines(block: Block) -> Iterator[str]:
         yield "".join(",".join(line) + "\n" for line in zip(*columns, strict=True))
 
 
-def metadata_path(path: Path) -> Path:
-    """``trace.csv.json`` for ``trace.csv``."""
-    return path.with_name(path.name + ".json")
-
-
 class CsvFile:
     """A CSV to which blocks are appended. A file of this name is replaced.
 
@@ -59,27 +56,41 @@ class CsvFile:
     def __init__(self, path: Path, channels: Channels, metadata: Mapping[str, Any], size: int | None = None) -> None:
         self.path = path
         self._channels = channels
-        path.parent.mkdir(parents=True, exist_ok=True)
         if size is not None:
             if not path.is_file() or path.stat().st_size < size:
                 raise CosimError(f"{path}: holds less than when the checkpoint was written; the run cannot go on in it")
             os.truncate(path, size)
-        self._file = path.open("w" if size is None else "a", encoding="utf-8", newline="")
-        if size is None:
-            metadata_path(path).write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
-            self._file.write(header(channels))
-            self._file.flush()
+        with written(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("w" if size is None else "a", encoding="utf-8", newline="")
+            if size is None:
+                metadata_path(path).write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
+                self._file.write(header(channels))
+                self._file.flush()
 
     def take(self, block: Block) -> bool:
         """Append rows; the block itself is not kept."""
-        self._file.writelines(lines(block))
-        self._file.flush()
+        with self._writing():
+            self._file.writelines(lines(block))
+            self._file.flush()
         return False
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """A file that could not be written is closed: nothing more can be taken."""
+        try:
+            with written(self.path):
+                yield
+        except OSError:
+            with suppress(OSError):
+                self._file.close()
+            raise
 
     def position(self) -> dict[str, int]:
         """The size of the file, all of it on the disk."""
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        with self._writing():
+            self._file.flush()
+            os.fsync(self._file.fileno())
         return {"size": self._file.tell()}
 
     def close(self) -> CsvColumns:

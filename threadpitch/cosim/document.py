@@ -28,8 +28,9 @@ def parse_document(path: Path) -> Element:
     """The root element of an XML file.
 
     Raises:
-        DocumentError: the file is missing or too large, is not well-formed, is nested deeper than any description, or
-            declares a document type (and with it entities), which no file of FMI or SSP does.
+        DocumentError: the file is missing or too large, has an encoding that is not known, is not well-formed, is
+            nested deeper than any description, or declares a document type (and with it entities), which no file of
+            FMI or SSP does.
     """
     try:
         size = path.stat().st_size
@@ -41,7 +42,7 @@ def parse_document(path: Path) -> Element:
     except etree.XMLSyntaxError as error:
         raise DocumentError(f"line {error.lineno}: is not XML: {error.msg}") from None
     except OSError as error:
-        raise DocumentError("no such file" if isinstance(error, FileNotFoundError) else "cannot be read") from None
+        raise DocumentError("no such file" if isinstance(error, FileNotFoundError) else _unread(path, error)) from None
     if tree.docinfo.internalDTD is not None or tree.docinfo.doctype:
         raise DocumentError(_NO_TYPE)
     return tree.getroot()
@@ -67,6 +68,22 @@ def _refuse_document_type(path: Path) -> None:
                 parser.Parse(piece)
     except (_Begun, expat.ExpatError):
         pass  # what is not well-formed is told by the parser behind
+    except DocumentError:
+        raise
+    except (LookupError, ValueError) as error:  # the parser behind would see what expat does not
+        raise DocumentError(f"is in an encoding that is not read ({error}); save it as UTF-8") from None
+
+
+def _unread(path: Path, error: OSError) -> str:
+    """Why a file cannot be read: the parser says no more than that where bytes are not of the encoding."""
+    if error.strerror:
+        return f"cannot be read ({error.strerror.lower()})"
+    parser = expat.ParserCreate()
+    try:
+        parser.Parse(path.read_bytes(), True)
+    except expat.ExpatError as found:
+        return f"line {found.lineno}: is not XML: {expat.ErrorString(found.code)}; it may have another encoding"
+    return "cannot be read"
 
 
 def line_of(element: Element) -> int:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import math
+import struct
 
 from threadpitch.cosim.instance3 import FmuInstance3
 
 _MOST_UPDATES = 100  # of discrete states at one instant: more is a circle
+_NEXT_EVENT = struct.Struct("<d")
 
 
 class EventInstance3(FmuInstance3):
@@ -29,6 +31,15 @@ class EventInstance3(FmuInstance3):
         """End initialisation, which leads into the event mode, and leave that."""
         super().exit_initialization()
         self._update()
+
+    def save_state(self) -> bytes:
+        """The FMU's state, behind the time of its next event, which it told and does not tell again."""
+        return _NEXT_EVENT.pack(self.next_event) + super().save_state()
+
+    def load_state(self, serialized: bytes) -> None:
+        """Make the initialised component what it was when these bytes were saved."""
+        super().load_state(serialized[_NEXT_EVENT.size:])
+        self.next_event, = _NEXT_EVENT.unpack_from(serialized)
 
     def handle_event(self) -> tuple[str, ...]:
         """Go through the event mode: the names of the clocks that ticked."""

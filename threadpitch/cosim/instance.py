@@ -134,7 +134,9 @@ class FmuInstance(ABC):
             self.dll: Any = self._fmu.dll
             self.component: int = self._instantiate(description)
         except Exception as error:  # FMPy raises plain Exception
-            reason = self.messages.reason() or " ".join(str(error).split())
+            # Where it was unpacked to tells nobody anything: the folder is gone when the message is read.
+            said = str(error).replace(f"{description.folder}{os.sep}", "")
+            reason = self.messages.reason() or " ".join(said.split())
             raise StepError(f"{name}: {description.path.name} cannot be instantiated: {reason}",
                             component=name, time=self.time, status="error") from None
         self._state = "instantiated"
@@ -228,6 +230,12 @@ class FmuInstance(ABC):
         """The state was restored: a step that was discarded is as if it had not been."""
         if self._state == "discarded":
             self._state = "initialized"
+
+    def reset(self) -> None:
+        """Make the instance what it was when it was new (FMI 2.0.5, 2.1.6; FMI 3.0.2, 2.2.5); not after a failure."""
+        self.check(self.function("Reset")(self.component), "the FMU cannot be reset")
+        self.messages.forget()
+        self.time, self._state = 0.0, "instantiated"
 
     def exit_initialization(self) -> None:
         """End initialisation."""

@@ -67,6 +67,7 @@ class IsolatedInstance:
         self.name = name
         self._time = 0.0
         self._warnings: tuple[str, ...] = ()
+        self._unanswered = False  # a signal interrupted the wait for an answer: none will be waited for any more
         home = str(Path(threadpitch.__file__).parent.parent)
         paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
         self._process = subprocess.Popen(
@@ -144,7 +145,7 @@ class IsolatedInstance:
 
     def terminate(self) -> None:
         """End the run, where the process is still there."""
-        if self._process.poll() is None:
+        if self._answers():
             with contextlib.suppress(StepError):  # one that crashes at the end: the results are there
                 self._tell("terminate")
 
@@ -152,7 +153,9 @@ class IsolatedInstance:
         """Free the instance and end its process; what the FMU does then harms nobody."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        if self._process.poll() is None:
+        if self._unanswered:
+            self._process.kill()
+        elif self._answers():
             with contextlib.suppress(StepError):
                 self._tell("free")
         try:
@@ -165,12 +168,15 @@ class IsolatedInstance:
 
     def warnings(self) -> tuple[str, ...]:
         """What the FMU logged as warnings, as far as is known."""
-        if self._process.poll() is None:
+        if self._answers():
             with contextlib.suppress(StepError):
                 self._warnings = tuple(json.loads(self._ask("warnings")))
         return self._warnings
 
     # Messages
+
+    def _answers(self) -> bool:
+        return self._process.poll() is None and not self._unanswered
 
     def _number(self, *message: Any) -> int:
         return int(json.loads(self._ask(*message)))
@@ -181,11 +187,13 @@ class IsolatedInstance:
     def _ask(self, word: str, *arguments: Any) -> bytes:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
+        self._unanswered = True
         try:
             write(self._process.stdin, pickle.dumps((word, arguments)))
             answer = read(self._process.stdout)
         except (EOFError, OSError):
             self._crashed()
+        self._unanswered = False
         if answer[:1] == DONE:
             return answer[1:]
         message, component, time, status = json.loads(answer[1:])

@@ -17,10 +17,12 @@ from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.metadata import same_versions
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.parquet import ParquetFolder
+from threadpitch.cosim.places import check_places
 from threadpitch.cosim.recording import Recorder, Sink
 from threadpitch.cosim.result import Result
 from threadpitch.cosim.system import SystemStructureError
 
+SAVING_TIME = 60.0  # s of the clock between two checkpoints
 KINDS = (".parquet", ".csv", ".mat")
 _FLUSH_TIME = 2.0  # s: rows wait no longer for the disk in the beginning,
 _FLUSH_PART = 0.02  # and no longer than this part of the time that the run has taken, lest parts become many
@@ -33,17 +35,24 @@ class Keeping:
 
     results: Path | None = None
     checkpoint: Path | None = None
-    every: float = 60.0  # s of the clock
+    every: float = SAVING_TIME
 
     def check(self, plan: Plan) -> None:
         """Look before the run at what would fail in it.
 
         Raises:
             SystemStructureError: components cannot serialise their state.
-            CosimError: the results' kind is not known.
+            CosimError: the results' kind is not known, files stand in the way, or the time between saves is
+                negative.
+            OSError: a folder cannot be written.
         """
         if self.results is not None and self.results.suffix.lower() not in KINDS:
             raise CosimError(f"{self.results}: results are written as {', '.join(KINDS)}; choose a name that ends so")
+        if not self.every >= 0.0:
+            raise CosimError(f"a checkpoint every {self.every:g} s is not possible; give 0 s or more")
+        system = plan.system.path
+        check_places(self.results, self.checkpoint,
+                     [*([] if system is None else [system]), *(one.path for one in plan.descriptions.values())])
         if self.checkpoint is not None:
             lacking = [f"checkpoint: {name} ({plan.descriptions[name].path.name}) cannot serialise its state (no "
                        "canSerializeFMUstate)" for name in plan.order if not plan.descriptions[name].serializes_state]
@@ -80,6 +89,7 @@ class Keeper:
         self._metadata = metadata
         self._warnings = warnings
         self._network: Network | None = None
+        self._unsaved: list[str] = []
         self._began = self._flushed = self._saved = clock.perf_counter()
 
     def watch(self, network: Network) -> None:
@@ -96,13 +106,16 @@ class Keeper:
             self._flushed = now
 
     def save(self) -> None:
-        """Write a checkpoint, where one is wanted."""
+        """Write a checkpoint, where one is wanted; a disk that does not take it is a warning, and the run goes on."""
         if self._keeping.checkpoint is None or self._network is None:
             return
         self._recorder.drain()
         path = None if self._keeping.results is None else str(self._keeping.results.absolute())
         position = {} if self._file is None else self._file.position()
-        write_checkpoint(self._keeping.checkpoint, self._network, self._metadata, {"path": path, **position})
+        try:
+            write_checkpoint(self._keeping.checkpoint, self._network, self._metadata, {"path": path, **position})
+        except OSError as error:
+            self._unsaved.append(f"no checkpoint at step {self._recorder.steps}: {error.filename}: {error.strerror}")
         self._saved = self._flushed = clock.perf_counter()
 
     def save_at_the_end(self) -> None:
@@ -117,8 +130,9 @@ class Keeper:
         if not self._recorder.drained + self._recorder.filled:
             return None
         wall_time = clock.perf_counter() - self._began
+        warnings = [*self._warnings(), *self._unsaved[-1:]]
         result, *watched = (Result(self._recorder, wall_time=wall_time, order=self._metadata["order"],
-                                   warnings=self._warnings(), metadata=self._metadata, taking=number)
+                                   warnings=warnings, metadata=self._metadata, taking=number)
                             for number in range(len(self._recorder.takings)))
         result.watched = watched[0] if watched else None
         result.path = self._keeping.results

@@ -70,6 +70,12 @@ class Messages:
         if self._warned[message.text] == 1:
             _log.warning("%s: %s", self.instance_name, message.text)
 
+    def forget(self) -> None:
+        """Forget all messages, before another run."""
+        self.kept.clear()
+        self._warned.clear()
+        self._more = 0
+
     def reason(self) -> str:
         """The last message of a failure, else the last of all; empty where there is none."""
         failures = [message.text for message in self.kept if message.status >= DISCARD]

@@ -17,6 +17,7 @@ import numpy as np
 
 from threadpitch.cosim.block import Block, Channel, Channels, Column
 from threadpitch.cosim.errors import CosimError
+from threadpitch.cosim.places import written
 
 METADATA = b"threadpitch"
 _PART = "part-{:06d}.parquet"
@@ -40,7 +41,7 @@ class ParquetFolder:
     removed.
 
     Raises (the class itself):
-        CosimError: pyarrow is missing, the path is a file, or there are fewer parts.
+        CosimError: pyarrow is missing, the path is a file, holds parts of another table, or there are fewer parts.
         OSError: the folder cannot be written.
     """
 
@@ -51,16 +52,27 @@ class ParquetFolder:
         self._schema = self._make_schema(metadata)
         if path.exists() and not path.is_dir():
             raise CosimError(f"{path}: is a file; Parquet is written as a folder of files, choose another name")
-        path.mkdir(parents=True, exist_ok=True)
+        with written(path):
+            path.mkdir(parents=True, exist_ok=True)
         there = set(part_files(path))
         wanted = [path / _PART.format(number) for number in range(parts)]
         missing = [part for part in wanted if part not in there]
         if missing:
             raise CosimError(f"{missing[0]}: is missing, but was there when the checkpoint was written; the run cannot "
                              "go on in this folder")
-        for part in there.difference(wanted):
+        former = sorted(there.difference(wanted))
+        for part in former:
+            if not self._is_ours(part):
+                raise CosimError(f"{part}: comes from somewhere else; choose another folder for the results")
+        for part in former:
             part.unlink()
         self._parts = parts
+
+    def _is_ours(self, part: Path) -> bool:
+        try:
+            return METADATA in (self._arrow.parquet.read_schema(part).metadata or {})
+        except (self._arrow.ArrowException, OSError):
+            return False
 
     def _make_schema(self, metadata: Mapping[str, Any]) -> Any:
         arrow = self._arrow
@@ -80,11 +92,16 @@ class ParquetFolder:
 
     def _write(self, table: Any) -> None:
         unfinished = self.path / _UNFINISHED
-        with unfinished.open("wb") as file:
-            self._arrow.parquet.write_table(table, file, compression="zstd")
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(unfinished, self.path / _PART.format(self._parts))
+        try:
+            with written(self.path):
+                with unfinished.open("wb") as file:
+                    self._arrow.parquet.write_table(table, file, compression="zstd")
+                    file.flush()
+                    os.fsync(file.fileno())
+                os.replace(unfinished, self.path / _PART.format(self._parts))
+        except OSError:
+            unfinished.unlink(missing_ok=True)  # what it has taken is free for the rest of the run's files
+            raise
         self._parts += 1
 
     def position(self) -> dict[str, int]:

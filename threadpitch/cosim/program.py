@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -45,6 +45,8 @@ from threadpitch.cosim.tables import (
     stretches,
 )
 
+Loop: TypeAlias = Callable[[Any, Span], Any]  # compiled: (addresses of the tables, steps) -> End
+
 
 class Program:
     """An algorithm over one network: ``program(network, schedule, steps)`` as those in ``algorithms``."""
@@ -59,10 +61,18 @@ class Program:
         self._begin = network.octets.ctypes.data
         nodes = [self._node(node, network.multiples[node.number]) for node in network.nodes]
         self._tables = self._build(network, nodes)
-        self._places = places(self._tables)
+        self.places = places(self._tables)
 
     def __call__(self, network: Network, schedule: Schedule, steps: range) -> None:
         """Compute these steps and record them.
+
+        Raises:
+            StepError: as the plain algorithm.
+        """
+        self.compute(network, schedule, steps, self._loop)
+
+    def compute(self, network: Network, schedule: Schedule, steps: range, loop: Loop) -> None:
+        """As a call, with another compiled loop over the same tables.
 
         Raises:
             StepError: as the plain algorithm.
@@ -71,16 +81,25 @@ class Program:
         first = steps.start
         while first < steps.stop:
             last = min(steps.stop, recorder.room())
-            self._tables.latest[:-1] = recorder.places[recorder.filled - 1] if recorder.filled else NOWHERE
-            self._tables.latest[-1] = recorder.used
-            span = Span(first, last, schedule.start_time, schedule.step_size, recorder.every, recorder.drained,
-                        recorder.words.ctypes.data, recorder.places.ctypes.data, network.method.tolerance,
-                        network.method.iterations)
-            end = self._loop(self._places, span)
-            recorder.advance(end.steps, int(self._tables.latest[-1]))
+            end = loop(self.places, self.span(network, schedule, range(first, last)))
+            recorder.advance(end.steps, self.used)
             if end.what != DONE:
                 self._fail(network, schedule, end)
             first = last
+
+    @property
+    def used(self) -> int:
+        """The words of the recorder's block that the rows take."""
+        return int(self._tables.latest[-1])
+
+    def span(self, network: Network, schedule: Schedule, steps: range) -> Span:
+        """What a compiled loop is told of these steps, whose rows fit into the recorder's block."""
+        recorder = network.recorder
+        self._tables.latest[:-1] = recorder.places[recorder.filled - 1] if recorder.filled else NOWHERE
+        self._tables.latest[-1] = recorder.used
+        return Span(steps.start, steps.stop, schedule.start_time, schedule.step_size, recorder.every, recorder.drained,
+                    recorder.words.ctypes.data, recorder.places.ctypes.data, network.method.tolerance,
+                    network.method.iterations)
 
     def _fail(self, network: Network, schedule: Schedule, end: Any) -> None:
         """Raise what the plain algorithm would have raised."""

@@ -14,7 +14,7 @@ from threadpitch.cosim.events import EventRecord
 from threadpitch.cosim.schedule import Schedule
 
 BLOCK_SIZE = 32 * 2**20  # bytes
-BLOCK_ROWS = 2**15
+BLOCK_ROWS = 2**15  # that go to a file together; memory takes what comes in large pieces
 _TOGETHER = 256  # rows whose places are written at once
 
 
@@ -102,6 +102,11 @@ class Taking:
         self.last: Block | None = None  # the row that was looked at last
         self.taken = 0
 
+    def again(self) -> Taking:
+        """The same selection, not begun yet, into memory."""
+        return Taking(self.channels, MemoryRows(self.channels), every=self.every,
+                      on=[channel.name for channel in self.on])
+
     def take(self, block: Block, first: int) -> bool:
         """Take what is wanted of some rows, the first of which has this number in the run. Whether the sink keeps the
         block itself.
@@ -149,7 +154,9 @@ class Recorder:
         self.by_width = self.layout.by_width
         count = schedule.steps // every + 1
         self.takings = tuple(takings) or (Taking(self.layout, MemoryRows(self.layout, count)),)
-        self._size = min(count, BLOCK_ROWS, max(1, BLOCK_SIZE // max(self.layout.row_words * WORD, 1)))
+        files = any(not isinstance(taking.sink, MemoryRows) for taking in self.takings)
+        most = max(1, BLOCK_SIZE // max(self.layout.row_words * WORD, 1))
+        self._size = min(count, most, BLOCK_ROWS if files else most)
         self.drained = 0
         self.steps = 0
         self.events: list[EventRecord] = []
@@ -207,6 +214,15 @@ class Recorder:
 
     def _turn_over(self) -> None:
         self.drain()
+        if not self.times.size:
+            self._begin()
+
+    def begin(self) -> None:
+        """Record another run, into the same block of rows, and for the same selections, which are kept in memory."""
+        self.takings = tuple(taking.again() for taking in self.takings)
+        self.events.clear()
+        self.go_on(0, 0)
+        self._whole = 0
         if not self.times.size:
             self._begin()
 

@@ -12,6 +12,7 @@ from threadpitch.cosim.block import Block, Blocks, Channels, Column, Times
 from threadpitch.cosim.csv_file import header, lines
 from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.mat_file import write_mat
+from threadpitch.cosim.places import written
 from threadpitch.cosim.recording import Columns, Recorder
 from threadpitch.cosim.system import nearest
 
@@ -93,8 +94,9 @@ class Result(Mapping[str, Column]):
             CosimError: there is more than a .mat of this version can hold.
         """
         path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return _written_whole(path, lambda temporary: write_mat(temporary, self._table(), self.metadata))
+        with written(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            return _written_whole(path, lambda temporary: write_mat(temporary, self._table(), self.metadata))
 
     def _write_csv(self, path: Path) -> None:
         with path.open("w", encoding="utf-8", newline="") as file:

@@ -34,6 +34,14 @@ class Setter:
                     found[setting.component, setting.variable.name] = setting
             except (VariableValueError, ConversionError, UnitError) as error:
                 self.problems.append(f"{value.origin}: {value.name}: {error}".lstrip(": "))
+        return self.overridden(found, fed, parameters)
+
+    def overridden(self, settings: Mapping[tuple[str, str], Setting], fed: Mapping[tuple[str, str], Link],
+                   parameters: Mapping[str, Given]) -> list[Setting]:
+        """Settings by component and variable, the caller's parameters in the place of some; ``fed`` are the links by
+        what they feed, which nobody may set.
+        """
+        found = dict(settings)
         for name, given in parameters.items():
             for setting in self._given(name, given):
                 found[setting.component, setting.variable.name] = setting

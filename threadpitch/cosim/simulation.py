@@ -146,6 +146,7 @@ def _simulate(system: System | str | Path, request: _Request, saved: Checkpoint 
         metadata = _metadata(plan, schedule, request, channels, isolated)
         if saved is not None:
             saved.check(metadata)
+            saved.check_steps(schedule)
             warnings += warn_of_versions(saved)
         warnings[:0] = plan.notes
         file = request.keeping.file(channels, metadata, saved)
@@ -167,6 +168,9 @@ def _simulate(system: System | str | Path, request: _Request, saved: Checkpoint 
             if not isinstance(error, StepError):
                 keeper.save_at_the_end()
             error.result = keeper.result()
+            raise
+        except KeyboardInterrupt:  # the second signal: at once, but rows that are there reach their file
+            recorder.drain()
             raise
         result = keeper.result()
         assert result is not None  # row 0 at least

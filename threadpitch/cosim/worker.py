@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import select
+import threading
 from collections.abc import Callable
 from typing import IO, Any
 
@@ -90,15 +92,33 @@ def serve(commands: IO[bytes], answers: IO[bytes]) -> None:
         except EOFError:
             return
         try:
-            write(answers, DONE + server.answer(word, arguments))
+            answer = DONE + server.answer(word, arguments)
         except StepError as error:
-            write(answers, FAILED + json.dumps(
-                [error.message, error.component, error.time, error.status]).encode())
+            answer = FAILED + json.dumps([error.message, error.component, error.time, error.status]).encode()
+        try:
+            write(answers, answer)
+        except BrokenPipeError:
+            return
+
+
+def end_with_master(commands: int) -> None:
+    """End this process when the other side of its commands is gone, although the FMU may never return from a call."""
+    if not hasattr(select, "poll"):  # not on Windows
+        return
+    gone = select.poll()
+    gone.register(commands, 0)  # hanging up is told in any case
+
+    def wait() -> None:
+        gone.poll()
+        os._exit(0)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def main() -> None:
     """Serve on standard input and output, which the FMU does not get to see."""
     commands, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    end_with_master(commands.fileno())
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
     serve(commands, answers)

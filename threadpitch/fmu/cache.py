@@ -35,6 +35,10 @@ def write_file(path: Path, content: bytes) -> None:
         with os.fdopen(handle, "wb") as stream:
             stream.write(content)
         os.replace(temporary, path)
+    except OSError as error:  # a full disk does not say which file it was
+        temporary.unlink(missing_ok=True)
+        raise OSError(error.errno, f"cannot be written ({str(error.strerror).lower()}); free some space, or choose "
+                      "another folder (of the cache: THREADPITCH_CACHE)", str(path)) from None
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise

@@ -44,7 +44,7 @@ class StoredPass:
 class NewRun:
     """A run that is to be kept. ``uid`` makes it one: what is added twice under the same uid is there once."""
 
-    kind: str  # "simulation" | "log"
+    kind: str  # "simulation" | "log" | "study"
     source: str
     passes: tuple[StoredPass, ...]
     machine: str = ""

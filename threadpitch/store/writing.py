@@ -17,7 +17,7 @@ from threadpitch.store.records import NewRun, StoredPass
 from threadpitch.store.texts import json_text, storable, utc_text
 from threadpitch.store.trace_folder import WrittenTrace
 
-KINDS = ("simulation", "log")
+KINDS = ("simulation", "log", "study")
 
 
 def check(run: NewRun) -> None:
@@ -27,7 +27,7 @@ def check(run: NewRun) -> None:
         StoreError: what kind it is, or a pass whose arrays do not fit together.
     """
     if run.kind not in KINDS:
-        raise StoreError(f"a run of kind {run.kind!r} is not known; choose {' or '.join(KINDS)}")
+        raise StoreError(f"a run of kind {run.kind!r} is not known; choose {', '.join(KINDS)}")
     for one in run.passes:
         shape = one.table.pitch.shape
         for name, values in (("in_metal", one.in_metal), ("uncertainty", one.table.uncertainty)):

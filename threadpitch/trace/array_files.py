@@ -211,7 +211,8 @@ def _tdms(path: Path, choice: ColumnChoice) -> ArrayLog:
 
             yield from aligned([channel(i) for i in wanted], CHUNK)
 
-    return _log(path, "TDMS", Columns(names, units, chunks, notes=clock_notes([*clocks, None])), choice)
+    return _log(path, "TDMS", Columns(names, units, chunks, len(names) > len(found),
+                                      notes=clock_notes([*clocks, None])), choice)
 
 
 @dataclass(frozen=True)
@@ -267,8 +268,8 @@ def _mdf(path: Path, choice: ColumnChoice) -> ArrayLog:
             yield from aligned([channel(i) for i in wanted], CHUNK)
 
     clocks = [group for group, _ in places]
-    return _log(path, "MDF", Columns([*names, "time"], [*units, "s"], chunks, notes=clock_notes([*clocks, None])),
-                choice)
+    return _log(path, "MDF", Columns([*names, "time"], [*units, "s"], chunks, True,
+                                     notes=clock_notes([*clocks, None])), choice)
 
 
 def _sinumerik(path: Path, choice: ColumnChoice) -> ArrayLog:
@@ -291,7 +292,7 @@ def _sinumerik(path: Path, choice: ColumnChoice) -> ArrayLog:
     more = session.frames - 1
     read = ("read as a trace of SINUMERIK Operate, whose layout is not published; it tells no units",
             *([f"{more} further data frames of the file are not read"] if more else []))
-    columns = Columns([*names, "time"], [""] * len(names) + ["s"], chunks, sinumerik.ANGLE_UNIT,
+    columns = Columns([*names, "time"], [""] * len(names) + ["s"], chunks, True, sinumerik.ANGLE_UNIT,
                       lambda chosen: (*read, *clock_notes([*clocks, None])(chosen)))
     return _log(path, "SINUMERIK trace", columns, choice)
 

@@ -22,6 +22,7 @@ class Columns:
     names: Sequence[str]
     units: Sequence[str]
     chunks: Chunks
+    ends_with_time: bool = False  # the last column is the time of the angle
     usual_angle: str = "rev"  # unit of an angle that has none
     notes: Callable[[Chosen], tuple[str, ...]] = lambda _: ()
 
@@ -38,6 +39,8 @@ class ArrayLog:
             raise TraceError(f"{source}: there is no column of numbers")
         self.source = source
         chosen = choose(source, columns.names, choice, columns.units, columns.usual_angle)
+        if columns.ends_with_time and len(columns.names) - 1 in (chosen.angle, chosen.position):
+            raise TraceError(f"{source}: the time is neither angle nor position; choose other columns")
         self.chosen = replace(chosen, notes=(*chosen.notes, *columns.notes(chosen)))
         self._names = list(columns.names)
         self._chunks = columns.chunks

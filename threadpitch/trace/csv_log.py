@@ -51,7 +51,7 @@ class TextLog:
                 break
         else:
             raise TraceError(f"{self.source}: there are no rows below the header")
-        self._head, self._first = head, block
+        self.head, self._first = head, block
         place = f"{self.source}:{head.line}"
         if head.numbered and not (choice.angle or "").isdigit():
             raise TraceError(f"{place}: the first row holds numbers; give a header with the names of the columns, or "
@@ -63,7 +63,7 @@ class TextLog:
 
     def pieces(self) -> Iterator[Piece]:
         """The threading rows, as long as they have one label and lie in one text."""
-        cutter = Cutter(self.source, self.chosen, [name.strip() for name in self._head.names])
+        cutter = Cutter(self.source, self.chosen, [name.strip() for name in self.head.names])
         yield from self._of_rows(self._first, cutter)
         for _, text in self._texts:
             yield from self._of_text(text, cutter)
@@ -72,9 +72,9 @@ class TextLog:
     def _of_text(self, text: Text, cutter: Cutter) -> Iterator[Piece]:
         group = self.chosen.group
         numbers = [column for column in self.chosen.columns if column != group]
-        fast = fast_text.columns_of(text, self._head, numbers, group)
+        fast = fast_text.columns_of(text, self.head, numbers, group)
         if fast is None:
-            yield from self._of_rows(split(text, self._head, self.source), cutter)
+            yield from self._of_rows(split(text, self.head, self.source), cutter)
             return
         lines = np.arange(text.before + 1, text.before + 1 + fast.size)
         yield from cutter.pieces(fast.size, fast.texts, lambda column, part: fast.numbers[column][part], lines)
@@ -86,7 +86,7 @@ class TextLog:
             groups = np.array([row[group] for row in block.rows], dtype=object)
 
         def numbers(column: int, part: slice) -> FloatArray:
-            return _numbers(Block(block.lines[part], block.rows[part]), column, self._head, self.source)
+            return _numbers(Block(block.lines[part], block.rows[part]), column, self.head, self.source)
 
         yield from cutter.pieces(len(block.rows), groups, numbers, np.array(block.lines, dtype=np.int64))
 

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from threadpitch.trace.recording import TraceError
-from threadpitch.trace.text_rows import LONGEST_LINE, STANDARD_INPUT
+from threadpitch.trace.text_rows import GZIP, LONGEST_LINE, STANDARD_INPUT
 
 _POLL = 0.002  # s, between two looks at a file that did not grow
 _BYTES = 1 << 16  # that are read at once
@@ -28,6 +28,8 @@ def live_texts(path: Path, idle: float) -> Generator[str]:
     waiting: list[str] = []  # lines before the head is whole
     rest, count = "", 0
     for data in _bytes_of(path, idle):
+        if not count and not rest and data.startswith(GZIP):
+            raise TraceError(f"{path}: is packed by gzip, which cannot be read while it is written; analyze it")
         text = rest + decoder.decode(data)
         *lines, rest = text.split("\n")
         count += len(lines)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Protocol
@@ -15,6 +15,7 @@ from threadpitch.trace.groups import Group, grouped, traces
 from threadpitch.trace.live import live_texts
 from threadpitch.trace.passes import Piece
 from threadpitch.trace.recording import Trace
+from threadpitch.trace.scope_file import scope_log
 from threadpitch.trace.signals import Signals
 from threadpitch.trace.text_rows import STANDARD_INPUT, texts_of
 
@@ -39,7 +40,13 @@ def open_log(path: Path, choice: ColumnChoice) -> Log:
         TraceError: whatever keeps the file from being read, a column that is not there or cannot be told.
     """
     name = "" if str(path) == STANDARD_INPUT else array_format(path)
-    return array_log(path, name, choice) if name else TextLog(str(path), texts_of(path), choice)
+    if name:
+        return array_log(path, name, choice)
+    log = TextLog(str(path), texts_of(path), choice)
+    if not log.head.sample_times or not path.is_file():
+        return log
+    log.close()
+    return scope_log(path, log.head, choice)
 
 
 def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) \
@@ -66,16 +73,24 @@ def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = Non
         yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
 
 
-def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) -> list[Trace]:
+def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None = None, *,
+                told: Callable[[int], None] | None = None) -> list[Trace]:
     """The groups of a log, in the order of the file; ``Trace.name`` is the group's value.
 
     Rows whose group value is 0, empty or false are not threading and are left out. A group is a stretch of such rows
     with one value; where a value comes again after other rows, a new group begins (a flag that is true in every pass),
     called ``true (2)``. Angle and time may restart with every group. An angle that counts down in a group is turned
-    around, which ``Trace.notes`` says; start angles then count in the turning direction too.
+    around, which ``Trace.notes`` says; start angles then count in the turning direction too. ``told`` hears the number
+    of samples of each piece.
 
     Raises:
         TraceError: with file and line: whatever keeps the file from being read, a column that is not there, text or
             NaN in a number, rows of unequal length, no threading row, and all that ``Trace`` refuses.
     """
-    return list(traces(read_pieces(path, choice, signals)))
+    def pieces() -> Iterator[tuple[Group, Piece]]:
+        for group, piece in read_pieces(path, choice, signals):
+            if told is not None:
+                told(piece.angle.size)
+            yield group, piece
+
+    return list(traces(pieces()))

@@ -31,6 +31,7 @@ class Head:
     decimal_comma: bool = False
     notes: tuple[str, ...] = ()
     numbered: bool = False  # there is no header
+    sample_times: tuple[str, ...] = ()  # of the channels, where they are told and differ
 
     def plain(self, text: list[str]) -> list[str]:
         """The lines with one separator between the fields, points as decimal signs, and nothing of comments."""
@@ -102,8 +103,10 @@ def _scope_head(text: list[str], rows: list[int], separator: str, above: int) ->
     units = [unit for i in range(len(names)) for unit in ("", unit_row[i].strip() if i < len(unit_row) else "")]
     columns += [f"column {i + 1}" for i in range(len(columns), width)]
     units += [""] * (width - len(units))
+    times = tuple(time.strip() for time in properties.get("SampleTime[ms]", (0, []))[1][1::2])
+    differ = len(set(times)) > 1 and len(times) == len(names) and width == 2 * len(names)
     return Head(columns[:width], units[:width], body, above + line + 1, separator,
-                notes=("read as an export of TwinCAT Scope",))
+                notes=("read as an export of TwinCAT Scope",), sample_times=times if differ else ())
 
 
 def _separator(row: str) -> str:

@@ -22,7 +22,7 @@ STANDARD_INPUT = "-"  # as a file's name
 BLOCK = 1 << 22  # characters that are read at once
 _LOOKED_AT = 1 << 16  # bytes by which the encoding is told
 LONGEST_LINE = 1 << 16  # characters; a row of numbers is far shorter
-_GZIP = b"\x1f\x8b"
+GZIP = b"\x1f\x8b"
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def _opened(path: Path) -> Iterator[TextIO]:
     source = str(path)
     try:
         with _bytes_of(path) as raw:
-            packed = raw.peek(2)[:2] == _GZIP
+            packed = raw.peek(2)[:2] == GZIP
             plain = io.BufferedReader(_Unpacked(raw), _LOOKED_AT) if packed else raw
             yield io.TextIOWrapper(plain, encoding=_encoding(plain.peek(_LOOKED_AT), source), errors="replace")
     except FileNotFoundError:

@@ -2,7 +2,8 @@
    step, and every kind of failure on demand.
 
    Real     0 u (input)  1 x (output)  2 k  3 start_x  4 fault_time  5..7 gain[1..3]  8 twice (output) = 2 u
-   Integer  0 fault (parameter): the status to answer with, 5 = NaN in x, 7 = a crash, 8 = exit
+   Integer  0 fault (parameter): the status to answer with, 5 = NaN in x, 6 = never,
+             7 = a crash, 8 = exit
              1 initial_fault   2 count (output)
             3 mode (Enumeration)   4 number (input)   5 number_out (output)
    Boolean  0 flag (input)   1 flag_out (output)
@@ -12,6 +13,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "fmi2Functions.h"
 
@@ -95,6 +97,10 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real h, fmi2Boolean ke
     Probe *p = c;
     if (keep && p->states > 0) abort(); /* "never back" and a state to go back to do not go together */
     int fault = time >= p->real[FAULT_TIME] - 1e-12 ? p->integer[FAULT] : 0;
+    if (fault == 6) {
+        fputs("never\n", stderr);
+        for (;;) pause();
+    }
     if (fault == 7) raise(SIGSEGV);
     if (fault == 8) exit(3);
     if (fault >= 2 && fault <= 4) {

@@ -84,7 +84,7 @@ def locate_file(source: str, base: Path) -> Path:
     """
     path = base / source
     if not path.is_file():
-        raise SystemStructureError(f"FMU {source!r} is not in {base}; put it there or mend the source in the SSD")
+        raise SystemStructureError(f"FMU {source!r} does not lie beside the SSD; put it there or mend the source")
     return path
 
 

@@ -1,0 +1,44 @@
+"""Parameter studies of simulated threads: what is varied -> rows -> one table, with effects, indices and the yield.
+
+    result = study("models/studies/gain.toml")
+    result.table, result.analysis.yields
+
+The way of a study is ``making.study``.
+"""
+
+from threadpitch.studies.analysis import Analysis, Indices, Interval, Response, analysis_document
+from threadpitch.studies.definition import Study, read_study, study_of
+from threadpitch.studies.errors import StudyError
+from threadpitch.studies.making import (
+    DEFAULT_OUTPUT,
+    Estimate,
+    Place,
+    StudyResult,
+    estimate,
+    read_shard,
+    row,
+    study,
+)
+from threadpitch.studies.tuning import Tuning, tune
+
+__all__ = [
+    "DEFAULT_OUTPUT",
+    "Analysis",
+    "Estimate",
+    "Indices",
+    "Interval",
+    "Place",
+    "Response",
+    "Study",
+    "StudyError",
+    "StudyResult",
+    "Tuning",
+    "analysis_document",
+    "estimate",
+    "read_shard",
+    "read_study",
+    "row",
+    "study",
+    "study_of",
+    "tune",
+]

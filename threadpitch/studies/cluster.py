@@ -1,0 +1,89 @@
+"""Where a study is computed: a local cluster of Dask, one that runs already, or jobs of a SLURM queue."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from threadpitch.cosim.system import nearest
+from threadpitch.studies.errors import StudyError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+JOB_QUEUES = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "lsf": "LSFCluster", "sge": "SGECluster",
+              "htcondor": "HTCondorCluster", "oar": "OARCluster", "moab": "MoabCluster"}
+_OF_CLUSTER = {"interface", "scheduler_options", "n_workers", "security"}  # what a cluster keeps from its jobs
+_DEATHS = 3  # workers that may die under a task before the task is suspected
+_CONNECT = 30.0  # s
+
+
+@contextlib.contextmanager
+def connected(workers: int, scheduler: str | None, cluster: Mapping[str, Any]) -> Iterator[Client]:
+    """A client of the scheduler at this address, of the configured queue, or of a local cluster with these workers.
+
+    Raises:
+        StudyError: Dask is missing, or the scheduler does not answer.
+    """
+    _need("distributed", "Dask")
+    import dask
+    from distributed import Client, LocalCluster
+
+    settings = {"distributed.scheduler.allowed-failures": _DEATHS, "distributed.comm.timeouts.connect": f"{_CONNECT}s",
+                "distributed.admin.large-graph-warning-threshold": "1GB",
+                "distributed.worker.memory.terminate": False, "distributed.worker.memory.pause": False}
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(dask.config.set(settings))
+        if scheduler is not None:
+            try:
+                yield stack.enter_context(Client(scheduler, set_as_default=False))
+            except (OSError, ValueError) as error:
+                raise StudyError(f"--scheduler {scheduler}: {' '.join(str(error).split())}; give it like "
+                                 "tcp://host:8786") from None
+            return
+        if cluster:
+            made = stack.enter_context(job_queue(cluster))
+            made.scale(jobs=int(cluster.get("jobs", 1)))
+        else:
+            made = stack.enter_context(LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
+                memory_limit=0, silence_logs="CRITICAL"))
+        yield stack.enter_context(Client(made, set_as_default=False))
+
+
+def job_queue(cluster: Mapping[str, Any]) -> Any:
+    """A cluster of ``dask_jobqueue`` out of a study's [cluster]: kind, jobs, and what its class takes.
+
+    Raises:
+        StudyError: it is not installed, or the configuration is wrong.
+    """
+    options = dict(cluster)
+    kind, _ = options.pop("kind", "slurm"), options.pop("jobs", 1)
+    if kind not in JOB_QUEUES:
+        raise StudyError(f"[cluster] kind: {kind!r} is not known{nearest(str(kind), JOB_QUEUES)}")
+    _need("dask_jobqueue", "dask-jobqueue")
+    import dask_jobqueue
+
+    chosen = getattr(dask_jobqueue, JOB_QUEUES[kind])
+    options = {"cores": 1, "memory": "2GB", **options}
+    try:
+        # A job alone first: a cluster that cannot be made complains once more when it is thrown away.
+        chosen.job_cls("tcp://127.0.0.1:8786", "first", **{word: value for word, value in options.items()
+                                                           if word not in _OF_CLUSTER})
+        return chosen(**options)
+    except (TypeError, ValueError) as error:
+        raise StudyError(f"[cluster]: {' '.join(str(error).split())}") from None
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _need(module: str, name: str) -> None:
+    if importlib.util.find_spec(module) is None:
+        raise StudyError(f"{name} is not installed; pip install 'threadpitch[study]', or compute in this process with "
+                         "--workers 0")

@@ -1,0 +1,278 @@
+"""A study: what is varied, how, and what is wanted of every run; read from a TOML file."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from threadpitch.cosim.system import nearest
+from threadpitch.cosim.values import Given
+from threadpitch.lathe import DEFAULT_SYSTEM, find_system
+from threadpitch.studies.design import DESIGNS, Design, FloatArray, Row, check_design, row_seed
+from threadpitch.studies.errors import StudyError
+from threadpitch.studies.expression import FUNCTIONS, Expression
+from threadpitch.studies.parameter import Parameter, read_parameter
+from threadpitch.studies.quantity import number
+from threadpitch.studies.statistics import STATISTICS, Judging
+
+Document = Mapping[str, Any]
+
+NO_SYSTEM = "none"
+_TABLES = {"study", "parameters", "fixed", "outcomes", "limits", "correlations", "cluster", "tune"}
+_STUDY = {"name", "system", "design", "samples", "seed", "stop_time", "step_size", "flavor", "start_angles_deg",
+          "pitch_limit", "uncertainty", "noise_seeds", "share_beginnings"}
+_RESERVED = {"row", "status", "reason"}
+
+
+@dataclass(frozen=True)
+class Run:
+    """What all runs of a study have in common. ``system`` is None where the outcomes are formulae of the parameters."""
+
+    system: str | None
+    fixed: Mapping[str, Given]
+    stop_time: float | None = None
+    step_size: float | None = None
+    flavor: str | None = None
+    start_angles: tuple[float, ...] | None = None  # rad
+    share_beginnings: bool = True
+
+
+@dataclass(frozen=True)
+class Study:
+    """``limits`` are the greatest good values of outcomes, SI; ``noise_seeds`` names parameters that differ by row.
+
+    ``document`` is the study as it was written, which workers read once more.
+    """
+
+    name: str
+    run: Run
+    parameters: tuple[Parameter, ...]
+    outcomes: Mapping[str, Expression]
+    limits: Mapping[str, float]
+    design: Design
+    judging: Judging
+    noise_seeds: tuple[str, ...]
+    document: Document
+
+    @functools.cached_property
+    def rows(self) -> list[Row]:
+        """The parameters of every row, of ``noise_seeds`` too."""
+        rows = self.design.rows(self.parameters)
+        if not self.noise_seeds:
+            return rows
+        return [{**row, **dict.fromkeys(self.noise_seeds, float(row_seed(self.design.seed, place)))}
+                for place, row in enumerate(rows)]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The parameters of a row."""
+        return (*(one.name for one in self.parameters), *self.noise_seeds)
+
+    @property
+    def recorded(self) -> tuple[str, ...]:
+        """The variables that outcomes need at every step."""
+        names = {name for outcome in self.outcomes.values() for name in outcome.names}
+        return tuple(sorted(names - set(STATISTICS) - set(self.columns)))
+
+    @functools.cached_property
+    def digest(self) -> str:
+        """What the rows depend on: all but limits and cluster, and the values that were drawn."""
+        written = {key: value for key, value in self.document.items() if key not in ("limits", "cluster", "tune")}
+        text = json.dumps([written, [list(row.values()) for row in self.rows]], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def read_study(path: str | Path) -> Study:
+    """The study that a TOML file describes; a path in it counts from the file's folder.
+
+    Raises:
+        StudyError: the file is missing, or what is in it makes no study.
+    """
+    path = Path(path)
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise StudyError(f"{path}: no such file; give a study, such as models/studies/gain.toml") from None
+    except (ValueError, RecursionError, IsADirectoryError) as error:
+        raise StudyError(f"{path}: is not TOML: {error}") from None
+    try:
+        return study_of(document, path.parent)
+    except StudyError as error:
+        raise StudyError(f"{path}: {error}") from None
+
+
+def study_of(document: Document, base: str | Path = ".") -> Study:
+    """A study out of the tables of its file; ``base`` is the folder that paths count from.
+
+    Raises:
+        StudyError: something is missing or wrong.
+    """
+    _check_words(document, _TABLES, "table")
+    about = _table(document, "study")
+    _check_words(about, _STUDY, "[study]:")
+    parameters = tuple(read_parameter(name, given) for name, given in _flat(_table(document, "parameters")))
+    if not parameters:
+        raise StudyError("[parameters] is empty; write \"z_drive.position_gain\" = { from = 30, to = 80 }")
+    system = _system(about.get("system", DEFAULT_SYSTEM), Path(base))
+    fixed = dict(_flat(_table(document, "fixed")))
+    noise_seeds = tuple(about.get("noise_seeds", ()))
+    _check_names(parameters, fixed, noise_seeds)
+    outcomes = _outcomes(_table(document, "outcomes"))
+    limits = {name: number(value, f"[limits] {name}") for name, value in _table(document, "limits").items()}
+    for name in limits:
+        if name not in outcomes:
+            raise StudyError(f"[limits]: no outcome is called {name!r}{nearest(name, outcomes)}")
+    design = _design(about, parameters, document.get("correlations", ()))
+    study = Study(
+        name=str(about.get("name", "study")), parameters=parameters, outcomes=outcomes, limits=limits, design=design,
+        judging=_judging(about), noise_seeds=noise_seeds, document=_settled(document, system),
+        run=Run(system, fixed, _seconds(about, "stop_time"), _seconds(about, "step_size"), about.get("flavor"),
+                _angles(about), _truth(about, "share_beginnings", True)))
+    unknown = sorted(set(study.recorded)) if system is None else []
+    if unknown:
+        raise StudyError(f"outcome: a study without a system knows parameters only, not {unknown[0]!r}"
+                         f"{nearest(unknown[0], study.columns)}")
+    return study
+
+
+def _system(given: object, base: Path) -> str | None:
+    """The system's absolute path; None for a study of formulae."""
+    if given == NO_SYSTEM:
+        return None
+    if not isinstance(given, str):
+        raise StudyError(f"[study] system: {given!r} is no path; write a folder, an .ssd, an .ssp, or \"none\"")
+    here = base / given
+    path = here if here.exists() else find_system(given)
+    if not path.exists():
+        raise StudyError(f"[study] system: {given}: no such file or folder, neither in {base}")
+    return str(path.absolute())
+
+
+def _settled(document: Document, system: str | None) -> Document:
+    """The document with the system's absolute path, as JSON holds it: what every worker understands."""
+    about = {**document.get("study", {}), "system": NO_SYSTEM if system is None else system}
+    return dict(json.loads(json.dumps({**document, "study": about}, default=str)))
+
+
+def _design(about: Document, parameters: Sequence[Parameter], correlations: object) -> Design:
+    kind = about.get("design", "grid")
+    if kind not in DESIGNS:
+        raise StudyError(f"[study] design: {kind!r} is not known{nearest(str(kind), DESIGNS)}")
+    samples, seed = (_whole(about, name) for name in ("samples", "seed"))
+    design = Design(kind, samples, seed, _correlation(parameters, correlations))
+    check_design(design, parameters)
+    return design
+
+
+def _correlation(parameters: Sequence[Parameter], given: object) -> FloatArray | None:
+    """[[correlations]] of pairs, as a matrix; None where there are none."""
+    if not given:
+        return None
+    names = [one.name for one in parameters]
+    matrix = np.eye(len(names))
+    if not isinstance(given, Sequence):
+        raise StudyError("correlations: write [[correlations]] with between = [\"a\", \"b\"] and value = 0.5")
+    for one in given:
+        if not isinstance(one, Mapping) or set(one) != {"between", "value"} or len(one["between"]) != 2:
+            raise StudyError("correlations: write [[correlations]] with between = [\"a\", \"b\"] and value = 0.5")
+        for name in one["between"]:
+            if name not in names:
+                raise StudyError(f"correlations: no parameter {name!r}{nearest(name, names)}")
+        value = number(one["value"], "correlations")
+        if not -1.0 < value < 1.0:
+            raise StudyError(f"correlations: {value:g} does not lie between -1 and 1")
+        first, second = (names.index(name) for name in one["between"])
+        if first == second:
+            raise StudyError(f"correlations: {one['between'][0]} stands on both sides")
+        matrix[first, second] = matrix[second, first] = value
+    return matrix
+
+
+def _outcomes(given: Document) -> dict[str, Expression]:
+    if not given:
+        raise StudyError("[outcomes] is empty; write worst = \"actual.max_deviation\"")
+    for name, text in given.items():
+        if not isinstance(text, str):
+            raise StudyError(f"outcome {name}: {text!r} is no expression; write it like \"actual.max_deviation\"")
+        if name in _RESERVED or not name.isidentifier():
+            raise StudyError(f"outcome {name!r}: is no name for a column; take letters, digits and _, and none of "
+                             f"{', '.join(sorted(_RESERVED))}")
+    return {name: Expression(text, f"outcome {name}") for name, text in given.items()}
+
+
+def _judging(about: Document) -> Judging:
+    limit = about.get("pitch_limit")
+    uncertainty = number(about.get("uncertainty", Judging.uncertainty), "[study] uncertainty")
+    found = Judging(None if limit is None else number(limit, "[study] pitch_limit"), uncertainty)
+    if uncertainty <= 0.0 or (found.pitch_limit is not None and found.pitch_limit <= 0.0):
+        raise StudyError("[study]: pitch_limit and uncertainty must be positive")
+    return found
+
+
+def _check_names(parameters: Sequence[Parameter], fixed: Document, noise_seeds: Sequence[str]) -> None:
+    names = [*(one.name for one in parameters), *fixed, *noise_seeds]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise StudyError(f"{twice[0]} stands twice, in [parameters], [fixed] or noise_seeds")
+    taken = sorted(set(names) & {*STATISTICS, *FUNCTIONS, *_RESERVED})
+    if taken:
+        raise StudyError(f"parameter {taken[0]!r}: the name has a meaning of its own; take another")
+
+
+def _check_words(table: Document, known: set[str], where: str) -> None:
+    for word in table:
+        if word not in known:
+            raise StudyError(f"{where} {word!r} is not known{nearest(word, sorted(known))}")
+
+
+def _table(document: Document, name: str) -> Document:
+    found = document.get(name, {})
+    if not isinstance(found, Mapping):
+        raise StudyError(f"[{name}] is no table; write a line [{name}] with its entries below")
+    return found
+
+
+def _flat(table: Document, owner: str = "") -> list[tuple[str, Any]]:
+    """``[parameters.z_drive] position_gain = ...`` and ``"z_drive.position_gain" = ...`` as pairs."""
+    found: list[tuple[str, Any]] = []
+    for name, value in table.items():
+        if isinstance(value, Mapping) and not set(value) & {"from", "to", "values", "distribution"}:
+            found += _flat(value, f"{owner}{name}.")
+        else:
+            found.append((owner + name, value))
+    return found
+
+
+def _whole(about: Document, name: str) -> int:
+    value = about.get(name, 0)
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise StudyError(f"[study] {name}: {value!r} is no whole number from 0 on")
+    return value
+
+
+def _truth(about: Document, name: str, otherwise: bool) -> bool:
+    value = about.get(name, otherwise)
+    if not isinstance(value, bool):
+        raise StudyError(f"[study] {name}: {value!r} is neither true nor false")
+    return value
+
+
+def _seconds(about: Document, name: str) -> float | None:
+    return None if name not in about else number(about[name], f"[study] {name}")
+
+
+def _angles(about: Document) -> tuple[float, ...] | None:
+    given = about.get("start_angles_deg")
+    if given is None:
+        return None
+    if not isinstance(given, Sequence) or isinstance(given, str):
+        raise StudyError("[study] start_angles_deg: write a list of degrees, such as [0, 90]")
+    return tuple(float(np.radians(number(value, "[study] start_angles_deg"))) for value in given)

@@ -1,0 +1,157 @@
+"""One row of a study -> its outcomes. FMUs are loaded once; a row's bits do not depend on the rows before it."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+from threadpitch import cosim
+from threadpitch.cosim.mounted import Experiment, Mounted, mount
+from threadpitch.fmu import BuildError, ModelError
+from threadpitch.lathe import NOMINAL, LatheError, Simulation, check_start_angles, choose_flavor, locate_fmu
+from threadpitch.roles import Roles
+from threadpitch.studies.definition import Study
+from threadpitch.studies.design import Row
+from threadpitch.studies.errors import StudyError
+from threadpitch.studies.quantity import Level
+from threadpitch.studies.statistics import STATISTICS, ThreadStatistics
+
+OK, FAILED = "ok", "failed"
+# What a row can fail of; all else is an error of this program and ends the study.
+_ROW_ERRORS = (cosim.CosimError, LatheError, StudyError, BuildError, ModelError)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one row came to: outcomes by name, or why there are none."""
+
+    row: int
+    values: Mapping[str, Level]
+    status: str = OK
+    reason: str = ""
+
+
+class Evaluator:
+    """Computes rows of one study; a context, in which the system's FMUs stay loaded."""
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self._stack = ExitStack()
+        self._system: cosim.System | None = None
+        self._roles: Roles | None = None
+        self._mounted: Mounted | None = None
+        self._mounts = ExitStack()
+        self._flavor = choose_flavor(study.run.flavor) if study.run.system is not None else ""
+
+    def __enter__(self) -> Evaluator:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Unload the FMUs and remove what was unpacked."""
+        self._mounts.close()
+        self._stack.close()
+        self._mounted = None
+
+    def outcomes(self, rows: Iterable[int]) -> Iterator[Outcome]:
+        """The outcomes of these rows, one after the other; a row that fails says why, and the next one goes on."""
+        for row in rows:
+            yield self.outcome(row, self.study.rows[row])
+
+    def outcome(self, number: int, row: Row) -> Outcome:
+        """The outcomes for these parameters under this number, or why there are none."""
+        try:
+            return Outcome(number, self.values(row))
+        except cosim.SimulationInterrupted:
+            raise
+        except _ROW_ERRORS as error:
+            return Outcome(number, {}, FAILED, " ".join(str(error).split()))
+
+    def values(self, row: Mapping[str, Any]) -> dict[str, Level]:
+        """The outcomes for these parameters, by name.
+
+        Raises:
+            StudyError: an outcome cannot be computed, or is not a finite number.
+            cosim.CosimError, LatheError: the simulation fails.
+        """
+        found = {}
+        if self.study.run.system is None:
+            known: Mapping[str, Any] = {**self.study.run.fixed, **row}
+            for name, expression in self.study.outcomes.items():
+                found[name] = expression(known.__getitem__)
+        else:
+            simulation = self._simulate(row)
+            statistics = ThreadStatistics(simulation, self.study.judging)
+
+            def quantity(name: str) -> Any:
+                if name in row:
+                    return row[name]
+                return statistics(name) if name in STATISTICS else simulation[name]
+
+            for name, expression in self.study.outcomes.items():
+                found[name] = expression(quantity)
+        for name, value in found.items():
+            if isinstance(value, float) and math.isnan(value):
+                raise StudyError(f"outcome {name} is not a number (NaN)")
+        return found
+
+    def describe(self) -> dict[str, Any]:
+        """Versions, FMUs by their content, steps, and the values that are common to all rows."""
+        if self.study.run.system is None:
+            return cosim.metadata.versions()
+        return {**self._mount().describe(), "flavor": self._flavor}
+
+    def ordered(self, rows: Iterable[int]) -> list[int]:
+        """The rows in an order in which neighbours share long beginnings: what comes last in the data changes first."""
+        if self.study.run.system is None:
+            return list(rows)
+        order = list(self._mount().order)
+        names = sorted(self.study.columns, key=lambda name: next(
+            (place for place, component in enumerate(order) if name.startswith(f"{component}.")), len(order)))
+        return sorted(rows, key=lambda row: [self.study.rows[row][name] for name in names])
+
+    def check(self) -> None:
+        """Look at the system, the names in the outcomes, and the parameters of the first row.
+
+        Raises:
+            StudyError, cosim.CosimError, LatheError: something is wrong with them.
+        """
+        check_start_angles(self.study.run.start_angles)
+        if self.study.run.system is not None:
+            mounted = self._mount()
+            mounted.check(self._parameters(self.study.rows[0]))
+
+    def _simulate(self, row: Row) -> Simulation:
+        return Simulation(self._mount().run(self._parameters(row)), self._flavor)
+
+    def _parameters(self, row: Row) -> dict[str, Any]:
+        assert self._roles is not None
+        return self._roles.parameters({**self.study.run.fixed, **row}, self.study.run.start_angles)
+
+    def _mount(self) -> Mounted:
+        """The loaded system; anew after a run that failed."""
+        if self._mounted is not None and not self._mounted.broken:
+            return self._mounted
+        self._mounts.close()
+        system, run = self._read(), self.study.run
+        assert self._roles is not None
+        part_at = f"{NOMINAL}.threading" if NOMINAL in self._roles.calculators and run.share_beginnings else None
+        experiment = Experiment(run.stop_time, run.step_size, self.study.recorded, self._roles.watch, part_at)
+        self._mounted = self._mounts.enter_context(mount(system, experiment=experiment))
+        return self._mounted
+
+    def _read(self) -> cosim.System:
+        if self._system is None:
+            self._system = self._stack.enter_context(cosim.read_system(
+                self.study.run.system or "", locate=functools.partial(locate_fmu, self._flavor)))
+            with cosim.prepare(self._system) as plan:
+                self._roles = Roles.of(plan)
+        return self._system

@@ -1,0 +1,175 @@
+"""The way of a study: read, check, compute what is missing, keep, put into one table, look at it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+import time as clock
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from threadpitch.fmu.cache import write_file
+from threadpitch.studies.analysis import Analysis, analysis_document, analyze
+from threadpitch.studies.cluster import available_cores, connected
+from threadpitch.studies.definition import Document, Study, read_study, study_of
+from threadpitch.studies.errors import StudyError
+from threadpitch.studies.evaluation import Evaluator, Outcome
+from threadpitch.studies.execution import OnDask, in_this_process
+from threadpitch.studies.keeping import Folder, folder_size
+
+if TYPE_CHECKING:
+    import pyarrow
+
+Progress: TypeAlias = Callable[[int, int], None]  # (rows done, rows in all)
+DEFAULT_OUTPUT = "threadpitch-study"
+ANALYSIS = "analysis.json"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where rows are computed: by so many local workers (0: in this process; None: one for each core), by the workers
+    of a Dask scheduler, or of the queue that the study configures; and which part of them, (i, n) the i-th of n.
+    """
+
+    workers: int | None = None
+    scheduler: str | None = None
+    queue: bool = False
+    shard: tuple[int, int] = (1, 1)
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """``table`` has a row for every run that is done: row, parameters (SI), outcomes, status, reason."""
+
+    study: Study
+    table: pyarrow.Table
+    analysis: Analysis
+    folder: Path
+    missing: int
+
+    @property
+    def complete(self) -> bool:
+        """Whether all rows are there."""
+        return self.missing == 0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a study would take, as a few rows tell: seconds of one row and of all that are missing, and bytes."""
+
+    rows: int
+    missing: int
+    row_time: float
+    workers: int
+    wall_time: float
+    disk: int
+
+
+def study(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTPUT, place: Place | None = None,
+          retry_failed: bool = False, progress: Progress | None = None) -> StudyResult:
+    """Make a study: a TOML file or its tables as a mapping. Rows that ``output`` holds already are not computed again.
+
+    Raises:
+        StudyError: the study, the folder or the cluster is wrong.
+        cosim.CosimError: the system or a parameter is.
+        KeyboardInterrupt: Ctrl-C; the rows that were done are kept.
+    """
+    place = place or Place()
+    chosen = study_of(definition) if isinstance(definition, Mapping) else read_study(definition)
+    if place.queue and "cluster" not in chosen.document:
+        raise StudyError("the study has no [cluster]; write one with kind = \"slurm\", jobs, cores, memory, walltime")
+    with Evaluator(chosen) as evaluator:
+        evaluator.check()
+        described = evaluator.describe()
+        folder = Folder(output, chosen, described)
+        if retry_failed:
+            folder.forget_failed()
+        rows = [row for row in _of_shard(evaluator, place) if row not in folder.done]
+        try:
+            for outcomes in _computed(evaluator, place, rows, described.get("components")):
+                folder.add(outcomes)
+                if progress is not None:
+                    progress(len(folder.done), len(chosen.rows))
+        finally:
+            folder.flush()
+    table = folder.finish()
+    found = analyze(chosen, table.to_pydict())
+    if not folder.missing:
+        write_file(folder.path / ANALYSIS, json.dumps(analysis_document(found), indent=1).encode())
+    return StudyResult(chosen, table, found, folder.path, len(folder.missing))
+
+
+def row(definition: str | Path | Document, number: int) -> tuple[Mapping[str, Any], Outcome]:
+    """Parameters and outcomes of one row alone, to the same bits as in the study.
+
+    Raises:
+        StudyError: there is no such row; and as ``study``.
+    """
+    chosen = study_of(definition) if isinstance(definition, Mapping) else read_study(definition)
+    if not 0 <= number < len(chosen.rows):
+        raise StudyError(f"there is no row {number}; the study has rows 0 to {len(chosen.rows) - 1}")
+    with Evaluator(chosen) as evaluator:
+        return chosen.rows[number], next(evaluator.outcomes([number]))
+
+
+def estimate(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTPUT,
+             place: Place | None = None) -> Estimate:
+    """What a study would take: three of its rows are computed, and nothing is kept.
+
+    Raises:
+        StudyError, cosim.CosimError: as ``study``.
+    """
+    place = place or Place()
+    chosen = study_of(definition) if isinstance(definition, Mapping) else read_study(definition)
+    with Evaluator(chosen) as evaluator:
+        evaluator.check()
+        rows = _of_shard(evaluator, place)
+        done = Folder(output, chosen, evaluator.describe()).done if Path(output).is_dir() else {}
+        count = sum(row not in done for row in rows)
+        list(evaluator.outcomes(rows[:2]))  # loads, and compiles what the second row needs besides
+        began = clock.perf_counter()
+        list(evaluator.outcomes(rows[-1:]))
+        row_time = clock.perf_counter() - began
+    workers = _workers(place)
+    return Estimate(len(chosen.rows), count, row_time, workers, row_time * count / workers, folder_size(chosen))
+
+
+def read_shard(text: str) -> tuple[int, int]:
+    """``2/8`` -> (2, 8).
+
+    Raises:
+        StudyError: it is no part of a whole.
+    """
+    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise StudyError(f"--shard {text!r} is no part; write it like 2/8, from 1/8 to 8/8")
+    return int(match[1]), int(match[2])
+
+
+def _of_shard(evaluator: Evaluator, place: Place) -> list[int]:
+    """The i-th of n parts of all rows, whatever is done of them: what every shard takes for its own."""
+    rows = evaluator.ordered(range(len(evaluator.study.rows)))
+    number, count = place.shard
+    return rows[len(rows) * (number - 1) // count:len(rows) * number // count]
+
+
+def _workers(place: Place) -> int:
+    return max(1, available_cores() if place.workers is None else place.workers)
+
+
+def _computed(evaluator: Evaluator, place: Place, rows: list[int],
+              components: Any) -> Generator[list[Outcome], None, None]:
+    """The outcomes as they come."""
+    if not rows:
+        return
+    alone = place.workers == 0 or place.shard != (1, 1)
+    if alone and place.scheduler is None and not place.queue:
+        yield from in_this_process(evaluator, rows)
+        return
+    cluster = evaluator.study.document.get("cluster", {}) if place.queue else {}
+    with connected(_workers(place), place.scheduler, cluster) as client, contextlib.closing(
+            OnDask(client, evaluator.study, components).outcomes(rows)) as outcomes:
+        yield from outcomes
