@@ -20,10 +20,11 @@ from threadpitch.judgement import (
     together,
     verdict_document,
 )
-from threadpitch.lathe import ACTUAL, NOMINAL, Z_DRIVE, Simulation
+from threadpitch.lathe import ACTUAL, NOMINAL, Simulation
 from threadpitch.measuring import MeasuringPlan, measure, recorded_rows
 from threadpitch.passes import CONTROLLER, FloatArray, Pass
 from threadpitch.pitch import PitchError, PitchTable, pitch_table
+from threadpitch.roles import Z_DRIVE
 from threadpitch.trace import TURN, Trace, TraceError
 from threadpitch.units import from_si
 
