@@ -35,7 +35,7 @@ def test_results_go_to_a_file_and_the_turns_are_found(threadpitch: Command, work
     outcome = threadpitch("run", *QUICK, "--output", "other", "--results", kind, "--record", "spindle.speed",
                           "z_drive.p*", "--record-every", "100")
     assert (outcome.status, outcome.err) == (0, "")
-    assert f"saved in other: pitch.csv, tables.txt, result.json, results in {kind}" in outcome.out
+    assert f"saved in other: pitch.csv, tables.txt, result.json, metadata.json, results in {kind}" in outcome.out
     assert (workplace / kind).exists()
     assert not (workplace / "other" / "trace.csv").exists()
     for name in TABLES:

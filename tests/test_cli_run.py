@@ -71,7 +71,7 @@ def test_tables_of_a_run(threadpitch: Command, workplace: Path) -> None:
         "Effective thread: turns in the metal, 0 deg: n = 6 to 7; 90 deg: n = 5 to 7; 180 deg: n = 5 to 7; "
         "270 deg: n = 5 to 7")
     assert re.fullmatch(r"1200 steps, 1\.2 s simulated in \d+\.\d\d s with (native|python) FMUs", lines[-2])
-    assert lines[-1] == "saved in threadpitch-run: trace.csv, pitch.csv, tables.txt, result.json"
+    assert lines[-1] == "saved in threadpitch-run: trace.csv, pitch.csv, tables.txt, result.json, metadata.json"
 
 
 def test_several_values_follow_one_option(threadpitch: Command, workplace: Path) -> None:

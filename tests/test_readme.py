@@ -111,7 +111,12 @@ def test_every_option_is_told(capsys: pytest.CaptureFixture[str], monkeypatch: p
     monkeypatch.setenv("COLUMNS", "200")
     commands = [str(getattr(one.callback, "__name__", "")) for one in app.registered_commands]
     assert {"run", "analyze", "build", "cycle"} <= set(commands)
-    for command in commands:
-        assert invoke([command, "--help"]) == 0
+    lines = [[command] for command in commands]
+    for group in app.registered_groups:
+        assert group.typer_instance is not None
+        lines += [[str(group.name), str(one.name or getattr(one.callback, "__name__", ""))]
+                  for one in group.typer_instance.registered_commands]
+    for command in lines:
+        assert invoke([*command, "--help"]) == 0
         for option in set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out)) - {"--help"}:
             assert option in OPTIONS, f"{command} {option}"

@@ -58,8 +58,7 @@ def test_a_line_keeps_to_its_width_and_shows_the_extremes(values: list[float], w
 
 
 def test_the_farthest_turn_of_a_stretch_stands_for_it() -> None:
-    values = np.zeros(1000)
-    values[500::7] = 1e-7
+    values = 1e-6 * np.sin(np.arange(1000.0))
     values[777] = 5e-5
     assert sparkline(values, 20).count(PLAIN.above) == 1
 

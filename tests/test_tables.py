@@ -22,7 +22,7 @@ def test_effective_turns_of_every_start_angle_where_they_differ(in_metal: list[l
     table = PitchTable.of_pitches(PITCH, [0.0, np.pi / 2])
     effective = statistics(np.where(flags, PITCH, np.nan))
     one = Pass(1, 1, table, effective, PITCH - 1.5e-3, flags)
-    text = pass_text(one, Layout(width=120))
+    text = pass_text(one, layout=Layout(width=120))
     assert told in text
     rows = text[text.index(told) :].splitlines()
     assert sum("theta_S" in row for row in rows) == 2

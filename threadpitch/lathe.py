@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace as replaced
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
 from threadpitch.cycles.moves import Hand
 from threadpitch.fmu import available_compiler, cached_fmu
+from threadpitch.live_turns import LiveTurn, LiveTurns
 from threadpitch.passes import (
     CONTROLLER,
     FloatArray,
@@ -221,7 +222,8 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
              replace: Mapping[str, str | Path] | None = None, record: Iterable[str] | None = None,
              record_every: int = 1, record_on: Iterable[str] = (), results: str | Path | None = None,
              checkpoint: str | Path | None = None, checkpoint_every: float = 60.0, method: cosim.Method | None = None,
-             isolate: bool | Iterable[str] = False, progress: Progress | None = None) -> Simulation:
+             isolate: bool | Iterable[str] = False, progress: Progress | None = None,
+             turned: Callable[[list[LiveTurn]], None] | None = None) -> Simulation:
     """Simulate a lathe: a folder with SystemStructure.ssd, an .ssd or an .ssp, or a shipped one such as the default.
 
     ``parameters`` maps ``component.variable`` to a number (SI), a truth value or a text with a unit ("10mm").
@@ -230,7 +232,8 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
     in the flavor "native" or "python"; None takes native FMUs where a C compiler is found. ``replace`` names by
     component another .fmu, or a model file (.py), which is built. What is recorded (default:
     all outputs and what the passes are found by), where it goes, checkpoints, method and isolation are those of
-    ``cosim.simulate``; the passes are found whatever is recorded.
+    ``cosim.simulate``; the passes are found whatever is recorded. ``turned`` hears of revolutions while the simulation
+    runs, several times a second.
 
     Raises:
         LatheError: too many start angles.
@@ -244,7 +247,8 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
                            replace=chosen_fmus) as structure:
         with cosim.prepare(structure) as plan:
             roles = Roles.of(plan)
-        watch = roles.watch
+        watch = roles.watch if turned is None else \
+            replaced(roles.watch, look=LiveTurns(roles.calculators, turned))
         chosen = roles.parameters(parameters or {}, start_angles)
         chosen |= {name: value for name, value in tapered(plan, chosen, roles.cutters).items()
                    if name not in (parameters or {})}

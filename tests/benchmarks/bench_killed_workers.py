@@ -1,6 +1,6 @@
 """Workers are killed at random while they compute a study: the table is complete, and equal to the undisturbed one.
 
-    python -m tests.benchmarks.bench_killed_workers [rows] [seconds between kills]        default 2000, 3
+    python -m tests.benchmarks.bench_killed_workers [rows] [seconds between kills]        default 2000, 10
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ def definition(rows: int, stop_time: float = 0.4) -> dict[str, Any]:
 
 
 @contextmanager
-def killing(every: float) -> Iterator[list[int]]:
-    """Kill one of this process's workers every so many seconds; the list tells which."""
+def killing(every: float, begun: threading.Event) -> Iterator[list[int]]:
+    """Once rows have come, kill one of this process's workers every so many seconds; the list tells which."""
     killed: list[int] = []
     over = threading.Event()
     choice = random.Random(1)
 
     def kill() -> None:
         while not over.wait(every):
-            if workers := own_workers():
+            if begun.is_set() and (workers := own_workers()):
                 killed.append(choice.choice(workers).pid)
                 psutil.Process(killed[-1]).kill()
 
@@ -67,14 +67,16 @@ def _command(process: Any) -> list[str]:
 def main() -> None:
     """Print what was killed, and whether the tables are equal."""
     rows = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
-    every = float(sys.argv[2]) if len(sys.argv) > 2 else 3.0
+    every = float(sys.argv[2]) if len(sys.argv) > 2 else 10.0
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
         quiet = study(definition(rows), output=Path(folder) / "quiet", place=Place(workers=2))
         print(f"undisturbed: {rows} rows in {time.perf_counter() - began:.1f} s")
         began = time.perf_counter()
-        with killing(every) as killed:
-            disturbed = study(definition(rows), output=Path(folder) / "disturbed", place=Place(workers=2))
+        begun = threading.Event()
+        with killing(every, begun) as killed:
+            disturbed = study(definition(rows), output=Path(folder) / "disturbed", place=Place(workers=2),
+                              progress=lambda done, rows: begun.set())
         print(f"with {len(killed)} workers killed: {disturbed.analysis.rows} rows in "
               f"{time.perf_counter() - began:.1f} s, {disturbed.analysis.failed} failed, missing {disturbed.missing}")
         print("tables are equal" if disturbed.table.equals(quiet.table, check_metadata=True) else "TABLES DIFFER")

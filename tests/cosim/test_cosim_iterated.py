@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.benchmarks import bench_iteration
@@ -42,6 +42,8 @@ def looped(a: FunctionInstance, b: FunctionInstance, method: Method) -> Result:
 
 
 @settings(deadline=None, max_examples=50)
+@example(-20.0, 2.2e-311)  # numbers that have lost their digits
+@example(-2.0, 5e-324)
 @given(st.floats(-20.0, 0.9), st.floats(-5.0, 5.0))
 def test_an_algebraic_loop_is_solved_even_where_repetition_runs_away(factor: float, offset: float) -> None:
     """y = g y + c has the solution c / (1 - g); repetition converges for |g| < 1 only."""
@@ -84,6 +86,7 @@ def test_a_loop_that_never_rests_is_named() -> None:
 
 
 @settings(deadline=None, max_examples=100)
+@example([0.0] * 9, [0.0, 0.0, 3.7e-308])
 @given(st.lists(st.floats(-0.5, 0.5), min_size=9, max_size=9), st.lists(st.floats(-9.0, 9.0), min_size=3, max_size=3))
 def test_every_contraction_comes_to_rest_at_its_fixed_point(matrix: list[float], offset: list[float]) -> None:
     slope = np.reshape(matrix, (3, 3))

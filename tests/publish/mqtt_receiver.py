@@ -13,7 +13,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from paho.mqtt.client import CallbackAPIVersion, Client, MQTTMessage
+from paho.mqtt.client import Client, MQTTMessage
+from paho.mqtt.enums import CallbackAPIVersion
 
 PREFIX = "plant"
 
@@ -27,7 +28,7 @@ class Receiver:
         self._file = path.open("a", encoding="ascii")
         self._asked = (0, 0.0)  # behind which sequence, when
         self.client = Client(CallbackAPIVersion.VERSION2, client_id="plant", clean_session=False, manual_ack=True)
-        self.client.on_connect = lambda *_: self.client.subscribe(f"{PREFIX}/#", qos=1)
+        self.client.on_connect = self._on_connect
         self.client.on_message = self._on_message
         self.client.reconnect_delay_set(1, 1)
         self._port = port
@@ -41,6 +42,9 @@ class Receiver:
             except OSError:
                 time.sleep(0.1)
         self.client.loop_forever(retry_first_connection=True)
+
+    def _on_connect(self, *_: object) -> None:
+        self.client.subscribe(f"{PREFIX}/#", qos=1)
 
     def _on_message(self, client: Client, _: object, message: MQTTMessage) -> None:
         if not message.topic.endswith("/resend"):

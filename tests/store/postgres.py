@@ -19,8 +19,9 @@ _PATIENCE = 30.0  # s
 class Server:
     """A server that runs as a child of this process."""
 
-    def __init__(self, folder: Path, binaries: Path) -> None:
+    def __init__(self, folder: Path, binaries: Path, durable: bool) -> None:
         self.folder = folder
+        self._fsync = f"fsync={'on' if durable else 'off'}"
         self._binaries = binaries
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -31,13 +32,13 @@ class Server:
 
     def initialize(self) -> None:
         """Make the database's files."""
-        done = self._child("initdb", "-D", self.folder / "cluster", "-A", "trust", "-U", "postgres", "-E", "UTF8")
+        done = self._child("initdb", "-D", self.folder / "cluster", "-A", "trust", "-U", "postgres", "-E", "UTF8", "-N")
         assert done.wait(_PATIENCE) == 0, self._log()
 
     def start(self) -> None:
         """Start it, or once more after it was killed."""
         self._process = self._child("postgres", "-D", self.folder / "cluster", "-k", self.folder,
-                                    "-c", "listen_addresses=", "-c", "max_connections=40")
+                                    "-c", "listen_addresses=", "-c", "max_connections=40", "-c", self._fsync)
         deadline = time.monotonic() + _PATIENCE
         while self._child("pg_isready", "-h", self.folder, "-U", "postgres").wait(_PATIENCE) != 0:
             assert self._process.poll() is None, self._log()
@@ -59,10 +60,10 @@ class Server:
         self._process = None
 
     def _child(self, name: str, *arguments: str | Path) -> subprocess.Popen[bytes]:
-        user = {"user": "postgres", "group": "postgres", "extra_groups": []} if os.getuid() == 0 else {}
+        user = "postgres" if os.getuid() == 0 else None  # it refuses to run as root
         with (self.folder / "log").open("ab") as log:
             return subprocess.Popen([self._binaries / name, *arguments], stdout=log, stderr=log, cwd=self.folder,
-                                    **user)  # type: ignore[call-overload] # it refuses to run as root
+                                    user=user, group=user, extra_groups=None if user is None else [])
 
     def _log(self) -> str:
         return (self.folder / "log").read_text(encoding="utf-8")
@@ -84,14 +85,14 @@ def installed() -> Path | None:
 
 
 @contextlib.contextmanager
-def server() -> Iterator[Server]:
-    """A new server; its folder is removed."""
+def server(durable: bool = False) -> Iterator[Server]:
+    """A new server; its folder is removed. What is not durable outlives the server's processes, not the computer."""
     binaries = installed()
     assert binaries is not None, WHY_NOT
     with tempfile.TemporaryDirectory(prefix="tp-pg-", dir="/tmp") as name:  # a socket's path is at most 107 letters
         if os.getuid() == 0:
             shutil.chown(name, "postgres", "postgres")
-        one = Server(Path(name), binaries)
+        one = Server(Path(name), binaries, durable)
         one.initialize()
         one.start()
         try:

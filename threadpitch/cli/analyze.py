@@ -23,7 +23,6 @@ from threadpitch.runs import Labels
 from threadpitch.tables import analysis_document, show_groups
 from threadpitch.trace import ColumnChoice, Signals, read_groups
 from threadpitch.trace.text_rows import STANDARD_INPUT
-from threadpitch.units import to_si
 
 CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 
@@ -80,6 +79,7 @@ def analyze(
     program_name: store_options.ProgramName = "",
     serial: store_options.SerialNumber = "",
     note: store_options.Note = "",
+    publish: store_options.Publish = None,
     as_json: AsJson = False,
 ) -> None:
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
@@ -97,7 +97,7 @@ def analyze(
     reading = Reading(log, choice, signals, tuple(starts), interval, crossing)
     if interval is not None and reading.whole:
         fail("positions stored at an interval are of linear crossings of signals as they are; leave out an option")
-    kept = Asked(store, Labels(machine, program_name, thread or "", serial, note))
+    kept = Asked(store, tuple(publish or ()), Labels(machine, program_name, thread or "", serial, note))
     with keeping_run(kept, "log", str(log)) as keeper:
         groups = _groups(reading, keeper)
         found = find(groups, asked, lambda: _recording(log, choice, signals, following_error))
@@ -106,7 +106,7 @@ def analyze(
             if keeper is not None:
                 stored = keeper.finish_log(groups, found, reading.described())
         finally:  # what was found is told, whatever becomes of the store
-            _show(Shown(groups, found, stored, None if target is None else to_si(target, "mm")), as_json)
+            _show(Shown(groups, found, stored), as_json)
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,6 @@ class Shown:
     groups: Sequence[GroupPitch | StreamedPitch]
     found: Findings
     stored: dict[str, object]
-    target: float | None  # m
 
 
 def _show(shown: Shown, as_json: bool) -> None:
@@ -160,7 +159,7 @@ def _show(shown: Shown, as_json: bool) -> None:
         if as_json:
             print_json(analysis_document(shown.groups) | findings_document(shown.found) | shown.stored)
         else:
-            show_groups(Console(), shown.groups, target=shown.target)
+            show_groups(Console(), shown.groups, target=shown.found.target)
             show_findings(Console(), shown.found)
             if shown.stored:
                 print(stored_line(shown.stored))

@@ -23,9 +23,11 @@ from threadpitch.cli.cycle import cycle
 from threadpitch.cli.fit import fit
 from threadpitch.cli.options import ADDRESS, SEVERAL, STORE
 from threadpitch.cli.printing import complain, printing
+from threadpitch.cli.publish import publish
 from threadpitch.cli.report import report
 from threadpitch.cli.resume import resume
 from threadpitch.cli.run import run
+from threadpitch.cli.serve import serve
 from threadpitch.cli.store import store
 from threadpitch.cli.study import study
 from threadpitch.cli.tune import tune
@@ -38,8 +40,10 @@ from threadpitch.judgement import JudgementError
 from threadpitch.parameters import ParameterFileError
 from threadpitch.pitch import PitchError
 from threadpitch.program_parameters import OperationError
+from threadpitch.publish import PublishError
 from threadpitch.report.content import ReportError
 from threadpitch.report.figure import PlotError
+from threadpitch.serve import ServeError
 from threadpitch.store import DEFAULT, StoreError
 from threadpitch.studies import StudyError
 from threadpitch.tolerance import ToleranceError
@@ -47,15 +51,14 @@ from threadpitch.trace import TraceError
 from threadpitch.units import UnitError
 
 _KNOWN_ERRORS = (ApproachError, cosim.CosimError, lathe.LatheError, BuildError, CycleError, FitError, JudgementError,
-                 ModelError, OperationError, ParameterFileError, PitchError, PlotError, ReportError, StoreError,
-                 StudyError, ToleranceError,
-                 TraceError, UnitError, OSError)
+                 ModelError, OperationError, ParameterFileError, PitchError, PlotError, PublishError, ReportError,
+                 ServeError, StoreError, StudyError, ToleranceError, TraceError, UnitError, OSError)
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
                   context_settings={"help_option_names": ["-h", "--help"]},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
-for _command in (run, resume, check, analyze, watch, build, cycle, approach, report, study, tune, fit):
+for _command in (run, resume, check, analyze, watch, build, cycle, approach, report, study, tune, fit, publish, serve):
     app.command()(_command)
 app.add_typer(store, name="store")
 

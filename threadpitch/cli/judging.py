@@ -52,9 +52,9 @@ class Judged:
 class Findings:
     """What was found: a verdict where pitches were measured, tolerances where a thread was named."""
 
-    group: str
-    verdict: Verdict | None
-    tolerances: tuple[tuple[str, PitchConformity], ...]  # (of what, how it keeps to its tolerance)
+    group: str = ""
+    verdict: Verdict | None = None
+    tolerances: tuple[tuple[str, PitchConformity], ...] = ()  # (of what, how it keeps to its tolerance)
     measured: tuple[MeasuredThread, ...] = ()
     target: float | None = None  # m, where it is known
     control: ControlParts | None = None  # where in the control, where the log tells it

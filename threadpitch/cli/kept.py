@@ -9,13 +9,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from threadpitch.cli.judging import Findings
+from threadpitch.cli.printing import remark
 from threadpitch.lathe import Simulation
+from threadpitch.live_turns import LiveTurn
 from threadpitch.pitch import GroupPitch, StreamedPitch
+from threadpitch.publish import Outlet, outlets, wait_until_taken
 from threadpitch.runs import Labels, LogTrace, RunEvents, log_run, simulation_run, simulation_trace
 from threadpitch.runs.events import Turn
-from threadpitch.store import NewRun, Store, open_store
+from threadpitch.store import NewEvent, NewRun, Store, open_store
 from threadpitch.trace import Piece, Trace
 
+PATIENCE = 5.0  # s that a command waits at its end for those who listen
 STANDARD_INPUT = "standard input"
 
 
@@ -23,32 +27,38 @@ STANDARD_INPUT = "standard input"
 class Asked:
     """What the command line says about keeping a run."""
 
-    store: str | None = None  # an address; None = not to be kept
+    store: str | None = None  # an address
+    publish: tuple[str, ...] = ()  # URLs
     labels: Labels = field(default_factory=Labels)
 
     @property
     def wanted(self) -> bool:
-        """Whether anything is to be kept at all."""
-        return self.store is not None
+        """Whether the run is to be kept: what is published is, so that nothing is lost while nobody listens."""
+        return self.store is not None or bool(self.publish)
 
 
 class Keeper:
     """Keeps one run. ``folder`` is for files on their way, and is removed."""
 
-    def __init__(self, store: Store, events: RunEvents, folder: Path) -> None:
-        self.store, self.events, self.folder = store, events, folder
+    def __init__(self, store: Store, events: RunEvents, folder: Path, ways_out: Sequence[Outlet]) -> None:
+        self.store, self.events, self.folder, self._ways_out = store, events, folder, ways_out
         self.trace = folder / "trace.parquet"
         self._trace: LogTrace | None = None
         self._told: set[tuple[str, str, float, int]] = set()
 
     def begin(self) -> None:
         """The run begins."""
-        self.store.append([self.events.begin()])
+        self._tell([self.events.begin()])
 
     def turns(self, turns: Sequence[Turn]) -> None:
         """Revolutions are complete."""
         self._told |= {(turn.calculator, turn.group, turn.start_angle, turn.number) for turn in turns}
-        self.store.append([self.events.revolution(turn) for turn in turns])
+        self._tell([self.events.revolution(turn) for turn in turns])
+
+    def live(self, turns: Sequence[LiveTurn]) -> None:
+        """Revolutions of a simulation that runs."""
+        self.turns([Turn(one.calculator, str(one.number_of_pass), one.turn, one.start_angle, one.pitch, one.target)
+                    for one in turns])
 
     def sample(self, group: str, piece: Piece | Trace) -> None:
         """The next samples of a log."""
@@ -75,8 +85,14 @@ class Keeper:
         left = [turn for turn in self.events.turns(run)
                 if (turn.calculator, turn.group, turn.start_angle, turn.number) not in self._told]
         number = self.store.add(run)
-        self.store.append([*(self.events.revolution(turn) for turn in left), self.events.result(run, number)])
+        self._tell([*(self.events.revolution(turn) for turn in left), self.events.result(run, number)])
         return {"stored": {"run": number, "store": self.store.address}}
+
+    def _tell(self, events: Sequence[NewEvent]) -> None:
+        if events:
+            self.store.append(events)
+            for way_out in self._ways_out:
+                way_out.notify()
 
 
 @contextlib.contextmanager
@@ -89,10 +105,18 @@ def keeping_run(asked: Asked, kind: str, source: str) -> Iterator[Keeper | None]
     if not asked.wanted:
         yield None
         return
-    with tempfile.TemporaryDirectory(prefix="threadpitch-") as folder, open_store(asked.store) as store:
-        keeper = Keeper(store, RunEvents(kind, STANDARD_INPUT if source == "-" else source, asked.labels), Path(folder))
+    with tempfile.TemporaryDirectory(prefix="threadpitch-") as folder, open_store(asked.store) as store, \
+            outlets(asked.publish, store) as ways_out:
+        events = RunEvents(kind, STANDARD_INPUT if source == "-" else source, asked.labels)
+        keeper = Keeper(store, events, Path(folder), ways_out)
         keeper.begin()
         yield keeper
+        wait_until_taken(ways_out, PATIENCE)
+        for way_out in ways_out:
+            if waiting := way_out.behind():
+                why = f" ({way_out.trouble})" if way_out.trouble else ""
+                remark(f"note: {waiting} events wait for {way_out.receiver.name}{why}; `threadpitch publish` with its "
+                       "URL sends them")
 
 
 def check_store(asked: Asked) -> None:

@@ -21,7 +21,7 @@ from threadpitch.cli.coupling import (
     Words,
     read_method,
 )
-from threadpitch.cli.kept import Asked, check_store, keeping_run
+from threadpitch.cli.kept import Asked, Keeper, check_store, keeping_run
 from threadpitch.cli.options import (
     AsJson,
     Assignments,
@@ -108,6 +108,7 @@ def run(
     thread: store_options.ThreadName = "",
     serial: store_options.SerialNumber = "",
     note: store_options.Note = "",
+    publish: store_options.Publish = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a lathe that cuts a thread, print the movement per revolution and where its fluctuation comes from."""
@@ -125,23 +126,25 @@ def run(
     faulty = {} if chosen is None else chosen.parameters
     method = read_method(Words(coupling, extrapolation, multiple or (), tolerance, adaptive, event or ()))
 
-    def simulated(folder: Path, words: Mapping[str, Given], enough: float | None) -> lathe.Simulation:
+    def simulated(folder: Path, words: Mapping[str, Given], enough: float | None,
+                  keeper: Keeper | None = None) -> lathe.Simulation:
         with keeping(folder, lathe.choose_flavor(flavor)), progress("simulating") as told:
             return lathe.simulate(
                 system, parameters={**faulty, **words, **values}, start_angles=angles, step_size=step_size,
                 flavor=flavor, stop_time=enough if stop_time is None else stop_time, record=record,
                 record_every=record_every, record_on=record_on or (), results=results, checkpoint=checkpoint,
                 checkpoint_every=SAVING_TIME if checkpoint_every is None else checkpoint_every, method=method,
-                replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told)
+                replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told,
+                turned=None if keeper is None else keeper.live)
 
     cut = program_name or ("" if program is None else program.name)
-    kept = Asked(store, Labels(machine, cut, thread, serial, note))
+    kept = Asked(store, tuple(publish or ()), Labels(machine, cut, thread, serial, note))
     if program is None:
         if control is not None:
             fail("--control belongs to --program; for a run without one use --set controller.fluctuation_limit=0.1 and "
                  "the like")
         with keeping_run(kept, "simulation", system) as keeper:
-            simulation = simulated(output, {}, None if chosen is None else chosen.stop_time)
+            simulation = simulated(output, {}, None if chosen is None else chosen.stop_time, keeper)
             if chosen is not None and not as_json:
                 with printing():
                     print(f"Fault {chosen.name} ({chosen.cause}): {chosen.description}\n"

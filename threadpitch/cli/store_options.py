@@ -20,3 +20,6 @@ ThreadName = Annotated[str, typer.Option("--thread", metavar="NAME", help="The t
 SerialNumber = Annotated[str, typer.Option("--serial", metavar="NUMBER", help="The part's serial number, kept with "
                                                                               "the run.")]
 Note = Annotated[str, typer.Option("--note", metavar="TEXT", help="The operator's note, kept with the run.")]
+Publish = Annotated[list[str] | None, typer.Option(
+    "--publish", metavar="URL", help="Bring values to an MQTT broker (mqtts://user@host/prefix) or be an OPC UA server "
+                                     "(opc.tcp://127.0.0.1:4840); the run is kept in the store.")]

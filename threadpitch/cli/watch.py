@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from threadpitch.cli import store_options
+from threadpitch.cli.judging import Findings
+from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
 from threadpitch.cli.log_options import LogOptions, with_log_options
 from threadpitch.cli.options import AsJson, StartAngles, number, radians
-from threadpitch.cli.printing import printing
-from threadpitch.pitch import GroupStream, thread_pitch
+from threadpitch.cli.printing import printing, remark
+from threadpitch.pitch import GroupStream, StreamedPitch, thread_pitch
+from threadpitch.runs import Labels
+from threadpitch.runs.events import LOG, Running, Turn
 from threadpitch.tables import printable
-from threadpitch.trace import TURN, ColumnChoice, Signals, watch_pieces
+from threadpitch.trace import TURN, Group, Piece, watch_pieces
+from threadpitch.units import from_si
 
 
 @with_log_options
@@ -26,20 +32,32 @@ def watch(
     start_angle: StartAngles = None,
     idle: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="End when the file has not grown for so long.", show_default="never")] = None,
+    store: store_options.Keep = None,
+    machine: store_options.Machine = "",
+    program_name: store_options.ProgramName = "",
+    thread: store_options.ThreadName = "",
+    serial: store_options.SerialNumber = "",
+    note: store_options.Note = "",
+    publish: store_options.Publish = None,
     as_json: AsJson = False,
 ) -> None:
     """Print each movement per revolution, with running minimum, maximum and mean, while the machine runs."""
     choice, signals = of_log.choice(), of_log.signals()
     starts = radians(start_angle or [0.0])
     thread_pitch([0.0, TURN, 2.0 * TURN], [0.0, 1.0, 2.0])  # what is compiled is loaded before the first sample comes
-    try:
-        with printing():
+    kept = Asked(store, tuple(publish or ()), Labels(machine, program_name, thread, serial, note))
+    with keeping_run(kept, "log", str(log)) as keeper:
+        watched = _Watched(starts, keeper)
+        with contextlib.suppress(KeyboardInterrupt), printing():  # that is how one stops watching
             if not as_json:
                 print(_HEADING, flush=True)
-            for turn in _turns(log, choice, signals, starts, math.inf if idle is None else idle):
-                print(turn.as_json() if as_json else turn.as_text(), flush=True)
-    except KeyboardInterrupt:
-        return  # that is how one stops watching
+            for owner, piece in watch_pieces(log, choice, signals, idle=math.inf if idle is None else idle):
+                for turn in watched.add(owner, piece):
+                    print(turn.as_json() if as_json else turn.as_text(), flush=True)
+        if keeper is not None:
+            stored = keeper.finish_log(watched.results(), Findings(), {"choice": asdict(choice),
+                                                                       "signals": asdict(signals)})
+            remark(f"note: {stored_line(stored)}")
 
 
 _HEADING = "group        n  theta_S [deg]    P(n) [mm]     min [mm]     max [mm]    mean [mm]"
@@ -65,29 +83,39 @@ class _Turn:
         return json.dumps(vars(self), allow_nan=False)
 
 
-class _Running:
-    """Least, greatest and mean of what one start angle has had."""
+class _Watched:
+    """The groups of a log that grows, and what is complete of them."""
 
-    def __init__(self) -> None:
-        self.least, self.greatest, self.total, self.count, self.turn = math.inf, -math.inf, 0.0, 0, 0
+    def __init__(self, starts: list[float], keeper: Keeper | None) -> None:
+        self._starts, self._keeper = starts, keeper
+        self._groups: list[GroupStream] = []
+        self._running: list[Running] = []
+        self._told: list[int] = []  # turns of each start angle of the last group
 
-    def add(self, value: float) -> tuple[float, float, float]:
-        self.least, self.greatest = min(self.least, value), max(self.greatest, value)
-        self.total, self.count = self.total + value, self.count + 1
-        return self.least, self.greatest, self.total / self.count
-
-
-def _turns(log: Path, choice: ColumnChoice, signals: Signals, starts: list[float], idle: float) -> Iterator[_Turn]:
-    now: GroupStream | None = None
-    running = [_Running() for _ in starts]
-    for group, piece in watch_pieces(log, choice, signals, idle=idle):
-        if now is None or now.group is not group:
-            now = GroupStream(group, starts)
-            running = [_Running() for _ in starts]
+    def add(self, group: Group, piece: Piece) -> list[_Turn]:
+        """The revolutions that are complete with the next samples; they are kept before they are told."""
+        if not self._groups or self._groups[-1].group is not group:
+            if self._keeper is None:
+                self._groups.clear()  # of a former group nothing is needed any more
+            self._groups.append(GroupStream(group, self._starts))
+            self._running, self._told = [Running() for _ in self._starts], [0 for _ in self._starts]
+        now = self._groups[-1]
         now.add(piece)
-        for k, completed in enumerate(now.pitches.completed.tolist()):
-            for turn in range(running[k].turn + 1, completed + 1):
-                pitch = 1e3 * now.pitches.pitch_of(k, turn)
-                if not math.isnan(pitch):
-                    yield _Turn(group.label, turn, round(math.degrees(starts[k]), 9), pitch, *running[k].add(pitch))
-            running[k].turn = completed
+        turns = [Turn(LOG, group.label, turn, self._starts[k], pitch)
+                 for k, completed in enumerate(now.pitches.completed.tolist())
+                 for turn in range(self._told[k] + 1, completed + 1)
+                 if not math.isnan(pitch := now.pitches.pitch_of(k, turn))]
+        self._told = now.pitches.completed.tolist()
+        if self._keeper is not None:
+            self._keeper.sample(group.label, piece)
+            self._keeper.turns(turns)
+        return [self._line(turn) for turn in turns]
+
+    def results(self) -> list[StreamedPitch]:
+        """The pitches of all groups that have a whole turn."""
+        return [one.result() for one in self._groups if one.pitches.size > 1 and one.pitches.completed.any()]
+
+    def _line(self, turn: Turn) -> _Turn:
+        running = self._running[self._starts.index(turn.start_angle)]
+        figures = (from_si(value, "mm") for value in (turn.pitch, *running.add(turn.pitch)))
+        return _Turn(turn.group, turn.number, round(math.degrees(turn.start_angle), 9), *figures)

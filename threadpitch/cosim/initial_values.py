@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import fsolve
 
 from threadpitch.cosim.errors import StepError
-from threadpitch.cosim.iteration import Loop
+from threadpitch.cosim.iteration import FEW_DIGITS, Loop
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.node import Node
 
@@ -76,7 +76,7 @@ def _solve(network: Network, loop: Loop) -> bool:
     before, values = fed_back(x), network.octets[octets]
     after = fed_back(before)
     sizes = np.maximum(np.abs(before), np.abs(after))
-    near = np.abs(after - before) <= _SOLVED * np.maximum(sizes, 1e-3 * sizes.max(initial=0.0))
+    near = np.abs(after - before) <= np.maximum(_SOLVED * np.maximum(sizes, 1e-3 * sizes.max(initial=0.0)), FEW_DIGITS)
     return bool(near.all()) and np.array_equal(values, network.octets[octets])
 
 

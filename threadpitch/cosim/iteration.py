@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 _PLAIN_SWEEPS = 2  # the first begins with extrapolated inputs: only from the second on residuals are comparable
 MOST_COLUMNS = 8
+FEW_DIGITS = 1e-290  # nearer to zero than that, numbers lose their digits, and differences of them all
 _ASTRAY = 100.0  # times the square of the residual of the sweep before: a tenfold residual
 _DEPENDENT = 1e-20  # of a column's square: what is left of it beside newer ones is rounding
 
@@ -87,7 +88,7 @@ def settled(iterates: Iterates, loop: Loop, reals: NDArray[np.float64], toleranc
         value = float(reals[iterates.places[i]])
         if abs(value) > iterates.scales[i]:
             iterates.scales[i] = abs(value)
-        if not abs(value - float(iterates.fed[i])) <= tolerance * float(iterates.scales[i]):
+        if not abs(value - float(iterates.fed[i])) <= max(tolerance * float(iterates.scales[i]), FEW_DIGITS):
             same = False
     return same
 
@@ -116,8 +117,8 @@ def add_column(iterates: Iterates, loop: Loop, reals: NDArray[np.float64], sweep
         residual = result - float(iterates.fed[i])
         scale = float(iterates.scales[i])
         if scale > 0.0:
-            former += (float(iterates.residuals[i]) / scale) ** 2
-            square += (residual / scale) ** 2
+            former += float(iterates.residuals[i]) / scale * (float(iterates.residuals[i]) / scale)
+            square += residual / scale * (residual / scale)
         iterates.turns[i, slot] = residual - float(iterates.residuals[i])
         iterates.moves[i, slot] = result - float(iterates.results[i])
         iterates.residuals[i], iterates.results[i] = residual, result
@@ -170,5 +171,7 @@ def feed(iterates: Iterates, loop: Loop, reals: NDArray[np.float64], used: int) 
         value = float(iterates.results[i])
         for j in range(used):
             value -= float(iterates.moves[i, iterates.slots[j]]) * float(iterates.weights[j])
+        if not abs(value) < math.inf:  # squares of what is far from its size run over
+            value = float(iterates.results[i])
         iterates.fed[i] = value
         reals[iterates.places[i]] = value

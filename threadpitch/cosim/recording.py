@@ -198,12 +198,16 @@ class Recorder:
         self.times[self.filled:filled] = self.schedule.start_time + points * self.every * self.schedule.step_size
         self.steps, self.filled, self.used = steps, filled, used
 
+    def block(self, first: int) -> Block:
+        """The rows of the block from this one on, where they lie."""
+        rows = slice(first, self.filled)
+        return Block(self.layout, self.times[rows], self.words[:self.used], self.places[rows])
+
     def drain(self) -> None:
         """Hand the rows over, and begin the block anew: in the same memory where nobody keeps it."""
         if not self.filled:
             return
-        rows = slice(self.filled)
-        block = Block(self.layout, self.times[rows], self.words[:self.used], self.places[rows])
+        block = self.block(0)
         kept = [taking.take(block, self.drained) for taking in self.takings]
         self.drained += self.filled
         if any(kept):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from threadpitch.cosim.block import Channel, Channels
+from threadpitch.cosim.onlooker import Look
 from threadpitch.cosim.plan import Plan
 from threadpitch.cosim.recording import MemoryRows, Recorder, Sink, Taking, check_every
 from threadpitch.cosim.schedule import Schedule
@@ -23,10 +24,14 @@ _GROUPS = {
 
 @dataclass(frozen=True)
 class Watch:
-    """Rows that are kept in memory besides the recorded ones: of ``record``, whenever a variable of ``on`` changes."""
+    """Rows that are kept in memory besides the recorded ones: of ``record``, whenever a variable of ``on`` changes.
+
+    ``look`` is shown them while the run computes, several times a second.
+    """
 
     record: tuple[str, ...]
     on: tuple[str, ...]
+    look: Look | None = None
 
 
 @dataclass(frozen=True)

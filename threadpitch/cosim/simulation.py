@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -29,6 +29,8 @@ from threadpitch.cosim.keeping import Keeper, Keeping, warn_of_versions
 from threadpitch.cosim.metadata import again, describe, plain_parameters, versions
 from threadpitch.cosim.method import Method, check_method, has_event_mode
 from threadpitch.cosim.network import Network
+from threadpitch.cosim.onlooker import Onlooker
+from threadpitch.cosim.recording import Recorder
 from threadpitch.cosim.result import Result
 from threadpitch.cosim.schedule import Schedule
 from threadpitch.cosim.selection import Selection, Watch
@@ -162,7 +164,7 @@ def _simulate(system: System | str | Path, request: _Request, saved: Checkpoint 
                 saved.restore(network)
             keeper.watch(network)
             master.run(network, schedule, algorithm, progress=request.progress, time_limit=request.time_limit,
-                       between=keeper)
+                       between=_between(request, recorder, keeper))
             keeper.save()
         except (StepError, SimulationInterrupted, TimeLimitError) as error:
             if not isinstance(error, StepError):
@@ -175,6 +177,20 @@ def _simulate(system: System | str | Path, request: _Request, saved: Checkpoint 
         result = keeper.result()
         assert result is not None  # row 0 at least
         return result
+
+
+def _between(request: _Request, recorder: Recorder, keeper: Keeper) -> Callable[[], None]:
+    """What is done between two chunks: looked at first, as the keeper hands rows on."""
+    watch = request.selection.watch
+    if watch is None or watch.look is None:
+        return keeper
+    onlooker = Onlooker(recorder, recorder.takings[-1], watch.look)
+
+    def both() -> None:
+        onlooker()
+        keeper()
+
+    return both
 
 
 def _metadata(plan: Plan, schedule: Schedule, request: _Request, channels: Channels,

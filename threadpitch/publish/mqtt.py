@@ -62,6 +62,10 @@ class MqttSender:
         """There are new events."""
         self._news.set()
 
+    def behind(self) -> int:
+        """How many events wait."""
+        return self.outbox.behind()
+
     def close(self) -> None:
         """Leave the broker in order; what it has not taken stays in the store."""
         self._ends.set()
@@ -83,6 +87,8 @@ class MqttSender:
                 with contextlib.suppress(OSError, ValueError, RuntimeError):
                     client.disconnect()
                 client.loop_stop()
+                if (connection := client.socket()) is not None:  # paho leaves that of a refused connection open
+                    connection.close()
             self._ends.wait(PAUSES[min(tries, len(PAUSES) - 1)])
             tries += 1
 

@@ -10,6 +10,7 @@ import asyncio
 import hmac
 import logging
 import threading
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from threadpitch.publish.address import Receiver
@@ -23,6 +24,7 @@ LOOK = 0.2  # s between two looks for new events
 PATIENCE = 30.0  # s for the server to start
 REPLAYED = 500  # events before the start, so that the nodes show the last values
 AT_ONCE = 500
+_PEM = b"-----BEGIN"
 _log = logging.getLogger(__name__)
 
 
@@ -53,6 +55,10 @@ class OpcUaServer:
 
     def notify(self) -> None:
         """There are new events; they are looked for several times a second."""
+
+    def behind(self) -> int:
+        """How many events the nodes do not show yet."""
+        return max(0, self.store.last_sequence() - self.taken)
 
     def close(self) -> None:
         """End the server."""
@@ -135,8 +141,8 @@ async def _secure(server: Server, receiver: Receiver) -> None:
     kinds = ua.SecurityPolicyType
     server.set_security_policy([kinds.Aes256Sha256RsaPss_SignAndEncrypt, kinds.Basic256Sha256_SignAndEncrypt,
                                 kinds.Aes128Sha256RsaOaep_SignAndEncrypt])
-    await server.load_certificate(certificate)
-    await server.load_private_key(key)
+    await server.load_certificate(certificate, _format(certificate))
+    await server.load_private_key(key, format=_format(key))
     uri = application_uri(certificate.read_bytes())
     if uri:
         await server.set_application_uri(uri)
@@ -154,12 +160,17 @@ def application_uri(content: bytes) -> str:
     """The URI that a certificate (PEM or DER) is for; clients compare it with what the server says of itself."""
     from cryptography import x509
 
-    load = x509.load_pem_x509_certificate if content.lstrip().startswith(b"-----") else x509.load_der_x509_certificate
+    load = x509.load_pem_x509_certificate if content.lstrip().startswith(_PEM) else x509.load_der_x509_certificate
     try:
         names = load(content).extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     except x509.ExtensionNotFound:
         return ""
     return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), "")
+
+
+def _format(path: Path) -> str:
+    """By its content: names end in .pem, .key, .crt, as it happens."""
+    return "pem" if path.read_bytes().lstrip().startswith(_PEM) else "der"
 
 
 def _check_asyncua() -> None:

@@ -36,7 +36,7 @@ class Methods:
 
     async def get_result_ids(self, _: object, wanted: Any, order: Any, most: int, __: int) -> tuple[Any, ...]:
         """(resultHandle, resultIdList, error), newest first; filters and orders are not supported."""
-        if (wanted is not None and wanted.Elements) or order:
+        if getattr(wanted, "Elements", None) or order:  # no filter comes as nothing, or as a structure of no type
             return _whole(NO_HANDLE), _texts([]), _error(NOT_SUPPORTED)
         return _whole(NO_HANDLE), _texts([run.uid for run in await self._runs(min(most or MOST_IDS, MOST_IDS))]), \
             _error(FINE)

@@ -55,7 +55,9 @@ async def make_types(server: Server) -> Types:
                     Advice=(_TEXT, True, False))
     await structure("ResultDataType", ResultMetaData=(nodes["ResultMetaDataType"], False, False),
                     ResultContent=(ua.VariantType.Variant, True, True))
-    classes = await server.load_data_type_definitions()
+    # asyncua makes the classes once in a process, by their names; what it returns are only those that are new.
+    await server.load_data_type_definitions()
+    classes = {name: getattr(ua, name) for name in nodes}
     base = server.nodes
     for name in ("PitchMonitorType", "PitchSeriesType", "LatestResultType", "PitchStatisticsType",
                  "ResultManagementType"):

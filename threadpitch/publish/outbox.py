@@ -27,11 +27,11 @@ class Outbox:
 
     def taken(self) -> int:
         """The last sequence that the receiver has taken."""
-        return self._store.register(self._receiver)
+        return self._store.taken(self._receiver)
 
-    def empty(self) -> bool:
-        """Whether the receiver has all."""
-        return self.taken() >= self._store.last_sequence()
+    def behind(self) -> int:
+        """How many events wait."""
+        return max(0, self._store.last_sequence() - self.taken())
 
     def acknowledge(self, sequence: int) -> None:
         """The receiver has taken all up to this sequence."""

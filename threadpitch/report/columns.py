@@ -12,8 +12,10 @@ from threadpitch.report.content import ReportError
 from threadpitch.trace import FloatArray
 
 
-def read_columns(path: Path, names: Iterable[str]) -> dict[str, FloatArray]:
+def read_columns(path: Path, names: Iterable[str], group: tuple[str, str] | None = None) -> dict[str, FloatArray]:
     """Those of the columns that are there, (rows,) each as float64, in the units of the file.
+
+    ``group``: column and value of the rows that are wanted, in Parquet.
 
     Raises:
         ReportError: the file cannot be read as a recorded result, or Parquet needs pyarrow.
@@ -22,7 +24,7 @@ def read_columns(path: Path, names: Iterable[str]) -> dict[str, FloatArray]:
     if path.suffix == ".csv":
         return _of_csv(path, names)
     if path.suffix == ".parquet":
-        return _of_parquet(path, names)
+        return _of_parquet(path, names, group)
     raise ReportError(f"{path}: results for a report are read from .csv and .parquet; record into one of them")
 
 
@@ -41,9 +43,10 @@ def _of_csv(path: Path, names: Iterable[str]) -> dict[str, FloatArray]:
     return {name: np.ascontiguousarray(values[:, number]) for number, name in enumerate(wanted)}
 
 
-def _of_parquet(path: Path, names: Iterable[str]) -> dict[str, FloatArray]:
+def _of_parquet(path: Path, names: Iterable[str], group: tuple[str, str] | None) -> dict[str, FloatArray]:
     try:
         import pyarrow
+        import pyarrow.compute
         import pyarrow.parquet as parquet
     except ImportError:
         raise ReportError(f"{path}: reading Parquet needs pyarrow, which is not installed; "
@@ -54,8 +57,11 @@ def _of_parquet(path: Path, names: Iterable[str]) -> dict[str, FloatArray]:
         parts = sorted(path.glob("part-*.parquet")) if path.is_dir() else [path]
         known = parquet.read_schema(parts[0]).names if parts else []
         wanted = [name for name in names if name in known]
-        table = pyarrow.concat_tables([parquet.ParquetFile(part).read(columns=wanted) for part in parts]) if parts \
-            else None
+        by = [] if group is None else [group[0]]
+        table = pyarrow.concat_tables([parquet.ParquetFile(part).read(columns=[*wanted, *by]) for part in parts]) \
+            if parts else None
+        if table is not None and group is not None:
+            table = table.filter(pyarrow.compute.equal(table.column(group[0]), group[1]))
     except (pyarrow.ArrowInvalid, OSError) as error:
         raise ReportError(f"{path}: is no recorded result ({' '.join(str(error).split())}); run again") from None
     if table is None:

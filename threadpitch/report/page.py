@@ -24,7 +24,7 @@ from threadpitch.tables import printable
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-_TEMPLATES = Path(__file__).parent / "templates"
+TEMPLATES = Path(__file__).parent / "templates"
 _ROWS_AT_ONCE = 500  # of a table; a longer one is built when it is opened
 _NEEDED = ("bokeh", "jinja2")
 
@@ -92,7 +92,7 @@ def templates() -> Environment:
     """The templates, which escape whatever is put into them."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    return Environment(loader=FileSystemLoader(_TEMPLATES), autoescape=True, undefined=StrictUndefined,
+    return Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined,
                        trim_blocks=True, lstrip_blocks=True)
 
 
@@ -136,4 +136,4 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def _read(name: str) -> str:
-    return (_TEMPLATES / name).read_text(encoding="utf-8")
+    return (TEMPLATES / name).read_text(encoding="utf-8")

@@ -29,6 +29,13 @@ class CalculatedPass:
     target: float  # m
     in_metal: BoolArray  # (start_angles, revolutions)
 
+    @property
+    def chosen(self) -> BoolArray:
+        """The turns in the metal, or where there is none, all."""
+        known = ~np.isnan(self.table.pitch)
+        inside = self.in_metal & known
+        return inside if inside.any() else known
+
 
 @dataclass(frozen=True)
 class _Row:

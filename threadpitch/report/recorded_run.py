@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,12 @@ class _Folder:
     told: dict[int, Mapping[str, Any]]  # by the pass's number, out of result.json
     metadata: Mapping[str, Any]
 
+    def recordings(self) -> dict[str, Recording]:
+        results = self.metadata.get("results")
+        path = self.path / "trace.csv" if results is None else Path(results)
+        return {name: Recording(path, self.metadata, self.seen_by(name))
+                for name in dict.fromkeys(one.calculator for one in self.passes)}
+
     def seen_by(self, calculator: str) -> list[CalculatedPass]:
         return [one for one in self.passes if one.calculator == calculator]
 
@@ -50,9 +56,8 @@ def read_run(path: Path, chosen: str | None = None, uncertainty: float | None = 
     if not wanted and chosen is not None:
         raise ReportError(f"{path}: there is no pass {chosen}; the passes are "
                           f"{', '.join(str(one.number) for one in nominal)}")
-    recordings = {name: Recording(folder.path, folder.metadata, folder.seen_by(name))
-                  for name in dict.fromkeys(one.calculator for one in folder.passes)}
-    return [_thread(folder, one, recordings, uncertainty) for one in wanted or nominal[-1:]]
+    run = RecordedRun(folder.metadata, folder.passes, folder.recordings())
+    return [run.thread(_described(folder, one), one, uncertainty) for one in wanted or nominal[-1:]]
 
 
 def _is_wanted(one: CalculatedPass, folder: _Folder, chosen: str | None) -> bool:
@@ -61,29 +66,41 @@ def _is_wanted(one: CalculatedPass, folder: _Folder, chosen: str | None) -> bool
     return bool(folder.told.get(one.number, {}).get("final_flank"))
 
 
-def _thread(folder: _Folder, one: CalculatedPass, recordings: Mapping[str, Recording],
-            uncertainty: float | None) -> Thread:
-    samples, notes = recordings[one.calculator].samples(one)
-    actual = [other for other in folder.passes if other.number == one.number and other.calculator != one.calculator]
-    metadata, chosen = folder.metadata, one.in_metal & ~np.isnan(one.table.pitch)
-    screw = metadata.get("settings", {}).get(_SCREW)
-    thread = Thread(
+def _described(folder: _Folder, one: CalculatedPass) -> Thread:
+    """The thread of a pass, without what is seen of it elsewhere."""
+    return Thread(
         f"{folder.path.name or folder.path.resolve().name}, pass {one.number}", one.table, one.target,
-        chosen if chosen.any() else ~np.isnan(one.table.pitch), tuple(_lines(one, folder.told.get(one.number, {}))),
-        samples=samples, screw_lead=screw if isinstance(screw, float) and 0.0 < screw < 1.0 else None,
-        others=_overview(folder.seen_by(one.calculator)), notes=notes,
-        provenance=(("run", str(folder.path)), *_provenance(metadata)))
-    if not actual:
-        return replace(thread, notes=(*notes, "No verdict: the run has no calculator of the actual pitches"))
-    pitch = np.where(actual[0].in_metal, actual[0].table.pitch, np.nan)
-    groove = [MeasuredThread(row, start_angle=float(angle)) for row, angle
-              in zip(pitch, actual[0].table.start_angles, strict=True)]
-    measured = tuple(replace(found, name=found.name.replace("measured", actual[0].calculator))
-                     for found in laid_over(one.table, groove))
-    in_metal = np.where(thread.chosen, one.table.pitch, np.nan)
-    found = replace(thread, measured=measured, groove=recordings[actual[0].calculator].samples(actual[0])[0])
-    return judged(found, in_metal, _of_shape(pitch, one.table.pitch.shape),
-                  EXACT if uncertainty is None else uncertainty)
+        one.chosen, tuple(_lines(one, folder.told.get(one.number, {}))),
+        others=pass_overview(folder.seen_by(one.calculator)),
+        provenance=(("run", str(folder.path)), *run_provenance(folder.metadata)))
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedRun:
+    """What a run knows of its passes beside the pitches of one calculator: recordings, actual pitches, parameters."""
+
+    metadata: Mapping[str, Any]
+    passes: Sequence[CalculatedPass]
+    recordings: Mapping[str, Recording]  # by calculator
+
+    def thread(self, described: Thread, one: CalculatedPass, uncertainty: float | None = None) -> Thread:
+        """The thread with its recordings, the actual pitches and the verdict on them."""
+        samples, notes = self.recordings[one.calculator].samples(one)
+        screw = self.metadata.get("settings", {}).get(_SCREW)
+        thread = replace(described, samples=samples, notes=notes,
+                         screw_lead=screw if isinstance(screw, float) and 0.0 < screw < 1.0 else None)
+        actual = next((other for other in self.passes
+                       if other.number == one.number and other.calculator != one.calculator), None)
+        if actual is None:
+            return replace(thread, notes=(*notes, "No verdict: the run has no calculator of the actual pitches"))
+        pitch = np.where(actual.in_metal, actual.table.pitch, np.nan)
+        groove = [MeasuredThread(row, start_angle=float(angle)) for row, angle
+                  in zip(pitch, actual.table.start_angles, strict=True)]
+        measured = tuple(replace(found, name=found.name.replace("measured", actual.calculator))
+                         for found in laid_over(one.table, groove))
+        thread = replace(thread, measured=measured, groove=self.recordings[actual.calculator].samples(actual)[0])
+        return judged(thread, np.where(thread.chosen, one.table.pitch, np.nan), _of_shape(pitch, one.table.pitch.shape),
+                      EXACT if uncertainty is None else uncertainty)
 
 
 def _of_shape(pitch: FloatArray, shape: tuple[int, ...]) -> FloatArray:
@@ -103,7 +120,8 @@ def _lines(one: CalculatedPass, told: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _overview(passes: list[CalculatedPass]) -> PassOverview:
+def pass_overview(passes: Sequence[CalculatedPass]) -> PassOverview:
+    """All passes as one calculator saw them, each over its turns in the metal."""
     rows = []
     for one in passes:
         chosen = np.where(one.in_metal, one.table.pitch, np.nan)
@@ -112,7 +130,7 @@ def _overview(passes: list[CalculatedPass]) -> PassOverview:
     return PassOverview(tuple(rows))
 
 
-def _provenance(metadata: Mapping[str, Any]) -> list[tuple[str, str]]:
+def run_provenance(metadata: Mapping[str, Any]) -> list[tuple[str, str]]:
     """How the run was made: versions, system, times, method, the content of every FMU, what was set."""
     names = ("threadpitch", "python", "numpy", "platform", "system", "start_time", "step_size", "steps", "engine")
     rows = [(name.replace("_", " "), f"{metadata[name]}") for name in names if name in metadata]

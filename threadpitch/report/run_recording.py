@@ -35,7 +35,7 @@ class _Source:
 class Recording:
     """The recorded columns that a calculator of a run had as inputs; notes where they are missing."""
 
-    def __init__(self, folder: Path, metadata: Mapping[str, Any], passes: Sequence[CalculatedPass]) -> None:
+    def __init__(self, path: Path, metadata: Mapping[str, Any], passes: Sequence[CalculatedPass]) -> None:
         self._order = [one.number for one in passes]
         self._columns: dict[str, FloatArray] = {}
         self._note = ""
@@ -43,8 +43,6 @@ class Recording:
         self._sources = {target: _source(metadata, calculator, target) for target in ("spindle_angle", "feed_position")}
         self._threading, self._start = f"{calculator}.threading", f"{calculator}.threading_start"
         needed = [*(source.name for source in self._sources.values()), self._threading, self._start]
-        results = metadata.get("results")
-        path = folder / "trace.csv" if results is None else Path(results)
         try:
             self._columns = read_columns(path, [*needed, SPEED, FOLLOWING_ERROR])
         except ReportError as error:

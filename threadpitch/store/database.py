@@ -190,7 +190,7 @@ def _passing(error: DBAPIError) -> bool:
 def _mend(reason: str) -> str:
     if "unable to open" in reason or "readonly" in reason:
         return "may it be written?"
-    if "malformed" in reason or "not a database" in reason:
+    if any(words in reason for words in ("malformed", "not a database", "no such", "does not exist")):
         return "it is damaged or no store; restore it from a copy, or choose another"
     if "locked" in reason:
         return "another program holds it; try again"

@@ -50,7 +50,7 @@ def events(connection: Connection, after: int, limit: int, run: str | None) -> l
 
 def register(connection: Connection, receiver: str, after: int | None) -> int:
     """The last sequence that a receiver has taken. A new one begins ``after`` this sequence; None = with the next."""
-    taken = _taken(connection, receiver)
+    taken = taken_by(connection, receiver)
     if taken is None:
         taken = last_sequence(connection) if after is None else after
         connection.execute(insert(schema.receivers), {"name": storable(receiver), "sequence": taken})
@@ -80,6 +80,7 @@ def forget(connection: Connection, before: datetime) -> int:
     return gone.rowcount
 
 
-def _taken(connection: Connection, receiver: str) -> int | None:
+def taken_by(connection: Connection, receiver: str) -> int | None:
+    """The last sequence that a receiver has taken; None where it is not registered."""
     return connection.execute(select(schema.receivers.c.sequence).where(
         schema.receivers.c.name == storable(receiver))).scalar_one_or_none()

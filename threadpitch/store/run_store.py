@@ -156,6 +156,10 @@ class Store:
         """The last sequence that a receiver has taken; a new one begins ``after`` this one, or with the next event."""
         return self._database.write(lambda connection: event_log.register(connection, receiver, after))
 
+    def taken(self, receiver: str) -> int:
+        """The last sequence that a registered receiver has taken."""
+        return self._database.read(lambda connection: event_log.taken_by(connection, receiver)) or 0
+
     def acknowledge(self, receiver: str, sequence: int) -> None:
         """A receiver has taken all events up to this sequence."""
         self._database.write(lambda connection: event_log.acknowledge(connection, receiver, sequence))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import os
+import signal
+import threading
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -48,10 +50,28 @@ def connected(workers: int, scheduler: str | None, cluster: Mapping[str, Any]) -
             made = stack.enter_context(job_queue(cluster))
             made.scale(jobs=int(cluster.get("jobs", 1)))
         else:
-            made = stack.enter_context(LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
-                memory_limit=0, silence_logs="CRITICAL"))
+            try:
+                with _without_interrupt():
+                    made = stack.enter_context(LocalCluster(
+                        n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
+                        memory_limit=0, silence_logs="CRITICAL"))
+            except RuntimeError as error:  # a process that died while it started
+                raise StudyError(f"the local workers cannot be started ({' '.join(str(error).split())}); try again, "
+                                 "take fewer with --workers, or compute in this process with --workers 0") from None
         yield stack.enter_context(Client(made, set_as_default=False))
+
+
+@contextlib.contextmanager
+def _without_interrupt() -> Iterator[None]:
+    """Processes that are started here do not hear the Ctrl-C of their terminal: this one ends them, in order."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def job_queue(cluster: Mapping[str, Any]) -> Any:
