@@ -9,7 +9,6 @@ TURN = 2.0 * pi
 POINTS = 288
 LEAD_IN = 1.0  # turns that are kept before: deeper passes meet the metal earlier, infeed along Z shifts them
 MOST_INFEED = 0.75  # turns that infeed may shift the helix along Z; what is more is another turn
-STANDSTILL = 1e-12  # m
 
 
 @dataclass
@@ -38,6 +37,8 @@ class GrooveMemory:
     reference_known: bool = state("1", "A pass has been cut", start=False)
     reference_angle: float = state("rad", "Angle at which the first pass met the metal", display="deg", discrete=True)
     reference_z: float = state("m", "Z at which it did", display="mm", discrete=True)
+    reference_lead: float = state("m", "Largest movement along Z per turn in the first pass; 0 = not known yet",
+                                  display="mm", discrete=True)
     reference_start: float = state("rad", "Angle at which the first pass began", display="deg", discrete=True)
     pass_start: float = state("rad", "Angle at which this pass began", display="deg", discrete=True)
     located: bool = state("1", "The helix of this pass is known", start=False)
@@ -67,6 +68,7 @@ class GrooveMemory:
         self.reference_angle = 0.0
         self.reference_z = 0.0
         self.reference_start = 0.0
+        self.reference_lead = 0.0
         self.pass_start = 0.0
         self.located = False
         self.helix = 0
@@ -80,11 +82,13 @@ class GrooveMemory:
         """Points of one start."""
         return POINTS // self.starts
 
-    def _locate(self, angle: float, z: float, turned: float, moved: float) -> None:
-        """Which start is cut, and where: the helix through here met z_r at theta - (z - z_r) dtheta / dz.
+    def _locate(self, angle: float, z: float) -> None:
+        """Which start is cut, and where: the helix through here met z_r at theta - 2 pi (z - z_r) / lead.
 
-        z_r is where the first pass met the metal. Passes of one start begin whole turns apart, those of different
-        starts a share of a turn. Infeed along Z shifts where they meet z_r, another approach does so by whole turns.
+        z_r is where the first pass met the metal. The lead is that of the first pass once its feed was in step: where
+        a pass meets the metal its own feed may hardly have begun to move. Passes of one start begin whole turns apart,
+        those of different starts a share of a turn. Infeed along Z shifts where they meet z_r, another approach does
+        so by whole turns.
         """
         if not self.reference_known:
             self.reference_known = True
@@ -92,8 +96,8 @@ class GrooveMemory:
             self.reference_angle = angle
             self.reference_start = self.pass_start
         crossing = angle
-        if turned > 0.0 and abs(moved) > STANDSTILL:
-            crossing = angle - (z - self.reference_z) * turned / moved
+        if self.reference_lead != 0.0:
+            crossing = angle - (z - self.reference_z) * TURN / self.reference_lead
         between = (self.pass_start - self.reference_start) / TURN
         shift = (crossing - self.reference_angle) / TURN - between
         whole = 1.0 * floor(abs(shift) + 1.0 - MOST_INFEED)
@@ -103,6 +107,13 @@ class GrooveMemory:
         self.origin_angle = self.reference_angle + TURN * passed / self.starts
         self.helix = floor(passed - self.starts * floor(passed / self.starts) + 0.5)
         self.located = True
+
+    def _learn_lead(self, turned: float, moved: float) -> None:
+        """The largest movement per turn of the first pass: that of a feed in step."""
+        if self.pass_start == self.reference_start and turned > 0.0:
+            lead = moved / turned * TURN
+            if abs(lead) > abs(self.reference_lead):
+                self.reference_lead = lead
 
     def _place(self, angle: float) -> float:
         """The angle along the helix, in points; below zero where it is before the first of them."""

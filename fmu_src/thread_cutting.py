@@ -162,7 +162,8 @@ class ThreadCutting(Workpiece):
         turned = self.spindle_angle - self.former_angle
         moved = z - self.former_z
         if not self.located:
-            self._locate(self.spindle_angle, z, turned, moved)
+            self._locate(self.spindle_angle, z)
+        self._learn_lead(turned, moved)
         self._make_room(self.spindle_angle)
         place = self._place(self.spindle_angle)
         low = self.tool_low

@@ -75,7 +75,7 @@ def test_the_nominal_pitches_have_their_tolerance_too(threadpitch: Command, log:
     (("--measured", "measured.csv"), "give --target in mm, or --thread like M20x1.5-6g"),
     (("--thread", "Whitworth"), "no thread designation"),
     (("--measured", "none.csv", "--target", "1.5"), "there is no such file"),
-    (("--measured", "measured.csv", "--target", "-1.5"), "positive length"),
+    (("--measured", "measured.csv", "--target", "-1.5"), "give a positive"),
     (("--thread", "M20x1.5-6g", "--limit", "0"), "give a limit from 0 to 1"),
 ])
 def test_what_is_missing_is_said_in_one_line(threadpitch: Command, log: Path, measured: Path,

@@ -91,3 +91,14 @@ def test_the_thread_follows_the_controllers_workpiece() -> None:
     assert depth == pytest.approx(0.3e-3, abs=5e-6)
     first = np.flatnonzero(np.asarray(given["cutting.torque"]) > 0.0)[0]
     assert np.asarray(given["z_drive.position"])[first] == pytest.approx(3e-3 + 0.3e-3 * math.tan(HALF), abs=3e-5)
+
+
+def test_a_tapered_thread_has_a_tapered_workpiece() -> None:
+    """As deep at its beginning as at its end: the surface follows the controller's taper."""
+    tapered: dict[str, Given] = {"controller.taper": "-0.4mm", "controller.z_end": "-12mm"}
+    given = lathe.simulate(parameters=tapered, stop_time=2.2, start_angles=[0.0])
+    cutting = np.asarray(given["cutting.torque"]) > 0.0
+    place, depth = np.asarray(given["z_drive.position"])[cutting], np.asarray(given["cutting.groove_depth"])[cutting]
+    assert np.ptp(np.asarray(given["x_drive.position"])[cutting]) > 0.2e-3
+    assert place.min() < -10e-3
+    assert depth == pytest.approx(0.3e-3, abs=8e-6)

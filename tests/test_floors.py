@@ -17,6 +17,8 @@ FLOORS = (
     {"judgement", "tolerance", "store", "parameters", "replacement", "workpiece"},
     {"roles"},
     {"lathe", "sparkline"},
+    {"measuring"},
+    {"diagnosis"},
     {"tables", "studies", "drive_fit", "system_archive", "approach", "program_parameters", "faults",
      "control_chart"},
     {"runs"},

@@ -36,6 +36,7 @@ from threadpitch.pitch import PitchTable
 from threadpitch.replacement import replacements
 from threadpitch.roles import X_DRIVE, Z_DRIVE, Roles
 from threadpitch.units import from_si
+from threadpitch.workpiece import tapered
 
 DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
@@ -75,6 +76,10 @@ class Simulation(Mapping[str, cosim.block.Column]):
         other._hands = tuple(hands) or (None,) * len(numbers)
         other._largest_lead = largest_lead
         return other
+
+    def parameter(self, name: str) -> float | None:
+        """A parameter of the control or the Z drive; None where the system does not have it."""
+        return float(self._turning[name][0]) if name in self._turning else None
 
     @property
     def begun_passes(self) -> int:
@@ -129,7 +134,7 @@ class Simulation(Mapping[str, cosim.block.Column]):
         """
         if calculator not in self.calculators:
             raise LatheError(f"component {calculator!r} calculates no pitches{nearest(calculator, self.calculators)}")
-        found = find_passes(self._turning, calculator, self._threading())
+        found = find_passes(self._turning, calculator, self._threading(), self._turning.time)
         if not self._numbers:
             return found
         told = [(one, one.number - 1) for one in found]
@@ -245,6 +250,8 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         watch = roles.watch if turned is None else \
             replaced(roles.watch, look=LiveTurns(roles.calculators, turned))
         chosen = roles.parameters(parameters or {}, start_angles)
+        chosen |= {name: value for name, value in tapered(plan, chosen, roles.cutters).items()
+                   if name not in (parameters or {})}
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
                                 record_every=record_every, record_on=record_on, watch=watch, results=results,

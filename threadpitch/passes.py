@@ -51,6 +51,8 @@ class Pass:
     pitch: float | None = None  # m, lead / starts
     hand: Hand | None = None  # of the thread, where a program tells in which direction the spindle turns
     final_flank: bool = False  # of its start, the last pass that takes metal
+    began: float | None = None  # s, when the feed began to follow the spindle
+    ended: float | None = None  # s
     target: float | None = None  # m, movement per turn that the calculator compares with
 
 
@@ -82,11 +84,15 @@ def hold_text(columns: Columns) -> str:
     return "the feed is held; release controller.feed_hold"
 
 
-def find_passes(columns: Columns, calculator: str, threading: NDArray[np.bool_]) -> tuple[Pass, ...]:
-    """The passes as this calculator saw them; ``threading`` (rows,) parts them."""
-    numbered = enumerate(_stretches(threading), start=1)
-    found = [replace(one, number=number) for number, rows in numbered
-             if (one := _pass(columns, calculator, rows)) is not None]
+def find_passes(columns: Columns, calculator: str, threading: NDArray[np.bool_], time: FloatArray) -> tuple[Pass, ...]:
+    """The passes as this calculator saw them; ``threading`` (rows,) parts them, ``time`` (rows,) s tells when."""
+    found = []
+    for number, rows in enumerate(_stretches(threading), start=1):
+        one = _pass(columns, calculator, rows)
+        if one is not None:
+            ends = rows.start + int(np.argmin(np.append(threading[rows], False)))
+            found.append(replace(one, number=number, began=float(time[rows.start]),
+                                 ended=float(time[min(ends, time.size - 1)])))
     last = {one.start_number: one.number for one in found if one.kind not in (None, "spring")}
     return tuple(replace(one, final_flank=one.number == last.get(one.start_number)) for one in found)
 

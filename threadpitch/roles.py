@@ -12,12 +12,19 @@ from threadpitch.workpiece import following
 
 Z_DRIVE, X_DRIVE = "z_drive", "x_drive"  # names in the lathe's SSD
 
+# Parameters of the control that a diagnosis needs
+DIAGNOSED = {
+    CONTROLLER: ("commanded_speed", "start_mode", "start_time_constant", "command_age", "age_compensation"),
+    Z_DRIVE: ("speed_limit", "position_gain", "feedforward", "command_period", "torque_limit", "drive_type",
+              "screw_lead"),
+}
+
 
 @dataclass(frozen=True)
 class Roles:
     """Components by what they do, which their variables tell.
 
-    ``limits`` name what a warning of too slow axes needs, ``alarms`` the controllers' alarms.
+    ``limits`` name what a warning of too slow axes and a diagnosis need, ``alarms`` the controllers' alarms.
     """
 
     calculators: tuple[str, ...]
@@ -34,8 +41,7 @@ class Roles:
         def having(*names: str) -> tuple[str, ...]:
             return tuple(component for component, found in variables.items() if found >= set(names))
 
-        limits = tuple(f"{component}.{name}" for component, name in ((CONTROLLER, "commanded_speed"),
-                                                                     (Z_DRIVE, "speed_limit"))
+        limits = tuple(f"{component}.{name}" for component, names in DIAGNOSED.items() for name in names
                        if name in variables.get(component, ()))
         controllers = having("z_face", "start_number")
         alarms = tuple(f"{name}.alarm" for name in controllers if "alarm" in variables[name])

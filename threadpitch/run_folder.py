@@ -11,20 +11,26 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from threadpitch.diagnosis import Diagnosis, diagnosis_document, diagnosis_lines
 from threadpitch.lathe import Simulation
+from threadpitch.measuring import write_measured
 from threadpitch.passes import Pass
 from threadpitch.tables import pass_text, pitch_record, start_angles_deg
 from threadpitch.units import from_si
 
 METADATA = "metadata.json"
 FILES = ("trace.csv", "pitch.csv", "tables.txt", "result.json", METADATA)
+MEASURED = "measured.csv"  # of a thread that was measured by a plan
 _TEMPORARY = ".threadpitch-"
 _CHOOSE = "choose another folder with --output"
 HEADER = ("calculator", "pass", "start_number", "start_angle_deg", "n", "pitch_mm", "deviation_um", "in_metal")
 
 
-def run_document(simulation: Simulation) -> dict[str, object]:
-    """The result as a JSON document: passes with P(n) in mm per start angle (null where a turn is missing), counts."""
+def run_document(simulation: Simulation, found: Diagnosis | None = None) -> dict[str, object]:
+    """The result as a JSON document: passes with P(n) in mm per start angle (null where a turn is missing), counts.
+
+    Where the pitches were judged, ``verdict`` holds what was found.
+    """
     return {
         "passes": [_pass_record(one) for one in simulation.passes],
         "alarm": simulation.alarm or None,
@@ -33,6 +39,7 @@ def run_document(simulation: Simulation) -> dict[str, object]:
         "simulated_s": simulation.simulated,
         "wall_s": simulation.wall_time,
         "flavor": simulation.flavor,
+        **({} if found is None else {"verdict": diagnosis_document(found)}),
     }
 
 
@@ -52,7 +59,7 @@ def check_folder(folder: str | Path, *others: Path | None) -> None:
             or the one that it would be made in, cannot be written.
     """
     folder = Path(folder)
-    for name in FILES:
+    for name in (*FILES, MEASURED):
         if (folder / name).is_dir():
             raise IsADirectoryError(f"{folder / name} is a folder; {_CHOOSE}")
         for other in others:
@@ -67,9 +74,11 @@ def check_folder(folder: str | Path, *others: Path | None) -> None:
         raise _unwritable(folder, error) from None
 
 
-def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
+def save_run(simulation: Simulation, folder: str | Path, found: Diagnosis | None = None) -> list[Path]:
     """Write ``trace.csv``, ``pitch.csv``, ``tables.txt``, ``result.json``, ``metadata.json`` into a folder (made if
     need be); the last tells how the run was made, and where its results are if they are not in ``trace.csv``.
+
+    Besides ``measured.csv``, where the thread was measured.
 
     All are written aside first, so that the folder never holds half of a run; of a former run in the folder the
     files of these names are replaced, others stay. There is no ``trace.csv`` of a run whose results went to a file.
@@ -85,10 +94,10 @@ def save_run(simulation: Simulation, folder: str | Path) -> list[Path]:
         place.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=_TEMPORARY, dir=place))
         try:
-            _write_files(simulation, temporary)
-            written = [name for name in FILES if (temporary / name).exists()]
+            _write_files(simulation, temporary, found)
+            written = [name for name in (*FILES, MEASURED) if (temporary / name).exists()]
             if place is folder:
-                for name in FILES:
+                for name in (*FILES, MEASURED):
                     if name in written:
                         os.replace(temporary / name, folder / name)
                     else:
@@ -107,13 +116,16 @@ def _unwritable(folder: Path, error: OSError) -> OSError:
     return OSError(f"{folder}: cannot be written ({error.strerror or error}); {_CHOOSE}")
 
 
-def _write_files(simulation: Simulation, folder: Path) -> None:
+def _write_files(simulation: Simulation, folder: Path, found: Diagnosis | None) -> None:
     if simulation.result.path is None:
         simulation.result.save(folder)
     _write_pitches(simulation, folder / "pitch.csv")
     text = "\n".join(pass_text(one, simulation.beside(one)) for one in simulation.passes)
-    (folder / "tables.txt").write_text(text, encoding="utf-8")
-    (folder / "result.json").write_text(json.dumps(run_document(simulation), indent=1) + "\n", encoding="utf-8")
+    verdict = "" if found is None else "\n" + "\n".join(diagnosis_lines(found)) + "\n"
+    (folder / "tables.txt").write_text(text + verdict, encoding="utf-8")
+    (folder / "result.json").write_text(json.dumps(run_document(simulation, found), indent=1) + "\n", encoding="utf-8")
+    if found is not None and found.measured:
+        write_measured(found.measured, folder / MEASURED)
     path = simulation.result.path
     made = {**simulation.result.metadata, "results": None if path is None else str(path.absolute())}
     (folder / METADATA).write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")

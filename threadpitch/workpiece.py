@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from threadpitch.cosim import Plan, check
 from threadpitch.cosim.values import Given
 from threadpitch.passes import CONTROLLER
 
@@ -40,3 +41,19 @@ def workpiece_of(chosen: Mapping[str, Given]) -> dict[str, Given]:
         slope = -given["taper"] / length
         made |= {"taper": slope, "surface_radius": given["x_surface"] + slope * (face - given["z_end"])}
     return made
+
+
+def tapered(plan: Plan, chosen: Mapping[str, Given], cutters: Sequence[str]) -> dict[str, Given]:
+    """The workpiece of a tapered thread: r(z) = x_surface + slope (z - z_end), slope = taper / (z_start - z_end)."""
+    if f"{CONTROLLER}.taper" not in chosen:
+        return {}
+    names = ("taper", "z_start", "z_end", "z_face", "x_surface")
+    values = {name: plan.descriptions[CONTROLLER].variables[name].start or 0.0 for name in names}
+    settings = check(plan.system, plan.descriptions, chosen).settings
+    values |= {one.variable.name: float(one.value) for one in settings
+               if one.component == CONTROLLER and one.variable.name in values}
+    along = values["z_start"] - values["z_end"]
+    slope = values["taper"] / along if along else 0.0
+    return {f"{name}.{variable}": value for name in cutters for variable, value in (
+        ("taper", slope), ("surface_radius", values["x_surface"] + slope * (values["z_face"] - values["z_end"])))
+        if f"{name}.{variable}" not in chosen or f"{CONTROLLER}.x_surface" in chosen}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import threadpitch as tp
 from tests.benchmarks.drawn_threads import drawn
 from threadpitch.judgement import JudgementError, MeasuredThread, Verdict, verdict_document
+from threadpitch.pitch import PitchTable
 
 Array = NDArray[np.float64]
 
@@ -192,9 +193,50 @@ def test_what_cannot_be_judged_is_refused_in_one_line() -> None:
         (1e3 * QUIET, 1e5 * QUIET, {"uncertainty": U}, "give pitches in m"),
         (np.stack([QUIET, QUIET]), np.stack([QUIET] * 3), {"uncertainty": U}, "3 rows of measured"),
         (QUIET, np.full(40, np.nan), {"uncertainty": U}, "no turn is in both"),
-        (np.full(401, TARGET), np.full(401, TARGET), {"uncertainty": U}, "give at most 400 of them at once"),
+        (np.full(500, TARGET), np.full(450, TARGET), {"uncertainty": U}, "which are of different length"),
     ]
     for nominal, measured, options, text in cases:
         with pytest.raises(JudgementError, match=text) as caught:
             tp.judge(nominal, measured, target=TARGET, **options)  # type: ignore[arg-type]
         assert "\n" not in str(caught.value)
+
+
+def test_thousands_of_turns_are_judged_in_stretches() -> None:
+    """One displaced turn in 900, and a control that dips once."""
+    count = 900
+    dip = np.zeros(count)
+    dip[350:390] = DIP
+    spot = np.zeros(count)
+    spot[700:702] = 12e-6, -12e-6
+    shown = noise(21, count)
+    verdict = judged(TARGET + dip, TARGET + dip + spot + shown)
+    assert verdict.cause == "both"
+    assert verdict.evidence.turns == count
+    assert sorted(one.cause for one in verdict.rows) == ["control", "mechanical", "none"]
+    assert "judged in 3 stretches" in verdict.notes[0]
+    assert verdict.rows[2].evidence.rest[0].kind == "displaced turn"
+
+
+def test_a_control_that_moves_less_than_shows_is_left_open() -> None:
+    """A turn that the detectors saw off by twice the uncertainty: it is in the thread, and noise hides it."""
+    event = np.where(TURNS == 9.0, 2.0 * U, 0.0)
+    verdicts = [judged(TARGET + event, TARGET + event + noise(seed)) for seed in range(20)]
+    assert {one.cause for one in verdicts} <= {"undetermined", "control"}
+    assert any("the control moves the feed by 0.316 um rms" in one.sentence for one in verdicts)
+
+
+def test_none_tells_what_need_not_show() -> None:
+    verdict = judged(QUIET, TARGET + noise(1))
+    assert verdict.cause == "none"
+    limit = verdict.evidence.detectable
+    assert f"off by less than {1e6 * limit:.3g} um need not show" in verdict.sentence
+    seen = [judged(QUIET, TARGET + np.where(TURNS == 20.0, limit, 0.0) + noise(seed)).cause for seed in range(40)]
+    assert seen.count("none") <= 4  # 2 are expected
+
+
+def test_uncertain_crossings_of_the_nominal_pitches_count() -> None:
+    """Both move alike, and the nominal crossings are uncertain by 4 U: that is no second cause."""
+    table = PitchTable.of_pitches(TARGET + 3.0 * DIP + 4.0 * noise(7), 0.0)
+    shown = TARGET + 3.0 * DIP + noise(8)
+    known = replace(table, uncertainty=np.full((1, TURNS.size), 4.0 * U))
+    assert tp.judge(known, shown, target=TARGET, uncertainty=U).cause == "control"

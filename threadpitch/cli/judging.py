@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from rich.console import Console
 from rich.text import Text
 
 from threadpitch.cli.printing import fail
-from threadpitch.judgement import Evidence, MeasuredThread, Verdict, judge, verdict_document
+from threadpitch.judgement import (
+    ControlParts,
+    ControlTrace,
+    Evidence,
+    ExpectedLag,
+    JudgementError,
+    MeasuredThread,
+    Verdict,
+    control_document,
+    control_parts,
+    judge,
+    verdict_document,
+)
 from threadpitch.judgement.measured_file import read_measured
 from threadpitch.pitch import GroupPitch, StreamedPitch
 from threadpitch.sparkline import verdict_line
@@ -31,6 +45,7 @@ class Judged:
     thread: str | None = None
     limit_percent: float = 25.0
     engagement_mm: float | None = None
+    expected_lag_ms: float | None = None
 
 
 @dataclass(frozen=True)
@@ -42,9 +57,15 @@ class Findings:
     tolerances: tuple[tuple[str, PitchConformity], ...] = ()  # (of what, how it keeps to its tolerance)
     measured: tuple[MeasuredThread, ...] = ()
     target: float | None = None  # m, where it is known
+    control: ControlParts | None = None  # where in the control, where the log tells it
+    why_not: str = ""
 
 
-def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged) -> Findings:
+# The last group of the log as a recording, for where in the control its fluctuation comes from
+Recording: TypeAlias = Callable[[], ControlTrace]
+
+
+def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged, recording: Recording) -> Findings:
     """Judge the last group of the log: the pass that leaves the groove.
 
     Raises:
@@ -57,14 +78,19 @@ def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged) -> Finding
     measured = [] if asked.measured is None else read_measured(asked.measured)
     verdict = _verdict(group, measured, thread, asked) if measured else None
     tolerances = tuple(_tolerances(group, measured, thread, asked)) if thread else ()
-    return Findings(group.label, verdict, tolerances, tuple(measured), _target(thread, asked))
+    known = Findings(group.label, verdict, tolerances, tuple(measured), _target(thread, asked))
+    if verdict is None:
+        return known
+    control, why_not = _where_in_the_control(verdict, group, known.target or 0.0, asked, recording)
+    return replace(known, control=control, why_not=why_not)
 
 
 def findings_document(found: Findings) -> dict[str, object]:
     """As JSON, lengths in um; what was not asked for is left out."""
     document: dict[str, object] = {}
     if found.verdict is not None:
-        document["verdict"] = {"group": found.group, **verdict_document(found.verdict)}
+        control = {"why_not": found.why_not} if found.control is None else control_document(found.control)
+        document["verdict"] = {"group": found.group, **verdict_document(found.verdict), "control": control}
     if found.tolerances:
         document["tolerance"] = [{"of": name, **_conformity_document(one)} for name, one in found.tolerances]
     return document
@@ -77,6 +103,8 @@ def show_findings(console: Console, found: Findings) -> None:
         console.print(verdict_line(found.verdict.cause, printable(found.verdict.sentence)))
         for line in _verdict_lines(found.verdict):
             console.print(Text(printable(line)), soft_wrap=False)
+        for line in _control_lines(found):
+            console.print(Text(printable(line)))
     for name, one in found.tolerances:
         console.print(Text(f"Tolerance, {printable(name)}", style="bold"))
         for line in _conformity_lines(one):
@@ -96,6 +124,28 @@ def _target(thread: Thread | None, asked: Judged) -> float | None:
     if asked.target_mm is not None:
         return to_si(asked.target_mm, "mm")
     return None if thread is None else thread.lead
+
+
+def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, target: float, asked: Judged,
+                          recording: Recording) -> tuple[ControlParts | None, str]:
+    """(parts of the nominal pitches, "") over the turns that were measured, or (None, why not)."""
+    lag = asked.expected_lag_ms
+    if lag is not None and not 0.0 < lag < math.inf:
+        fail(f"expected lag {lag:g} ms is not positive; give (1 - feedforward)/Kv + Td, like 20")
+    first = 1.0 if math.isnan(verdict.evidence.span[0]) else verdict.evidence.span[0]
+    try:
+        return control_parts(recording(), target, start_angle=float(group.table.start_angles[0]),
+                             expected=None if lag is None else ExpectedLag(1e3 / lag), first_turn=int(first)), ""
+    except JudgementError as error:
+        return None, str(error)
+
+
+def _control_lines(found: Findings) -> list[str]:
+    if found.control is None:
+        return [f"Where in the control is not told: {found.why_not}"]
+    worst = from_si(float(np.abs(found.control.deviation).max()), "um")
+    return [f"Where in the control: the nominal pitches deviate by up to {worst:.3g} um, of it",
+            *(f"  - {line}" for line in found.control.sentences())]
 
 
 def _tolerances(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], thread: Thread,
@@ -145,9 +195,11 @@ def _evidence_lines(found: Evidence) -> list[str]:
         lines.append(f"Turns on the same side of the target: {100.0 * found.sign_agreement:.0f} %")
     lines.append(f"Share of the control: {100.0 * found.control_share:.0f} %, of the rest: "
                  f"{100.0 * found.rest_share:.0f} %")
-    error = "not observable from P(n)" if found.within_turn is None else \
-        f"{from_si(found.within_turn, 'um'):.3g} um (nominal)"
-    return [*lines, f"Error within the turn that repeats: {error}"]
+    told = [] if found.within_turn is None else [f"{from_si(found.within_turn, 'um'):.3g} um (nominal)"]
+    if found.measured_within_turn is not None:
+        size, uncertainty = (from_si(value, "um") for value in found.measured_within_turn)
+        told.append(f"{size:.3g} um (measured, +- {2.0 * uncertainty:.2g} um)")
+    return [*lines, f"Error within the turn that repeats: {', '.join(told) or 'not observable from P(n)'}"]
 
 
 def _conformity_lines(found: PitchConformity) -> list[str]:

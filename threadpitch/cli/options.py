@@ -23,6 +23,7 @@ SEVERAL = {
     "--replace": r"[^-=][^=]*=.*",
     "--record": _RECORDED,
     "--record-on": _RECORDED,
+    "--measure": r"[^-=][^=]*=.*",
     "--multiple": r"[^-=][^=]*=.*",
     "--event": r"[^-=][^=]*=.*",
     "--isolate": r"[^-/\\.][^/\\.]*",
@@ -82,6 +83,11 @@ Starts = Annotated[int, typer.Option(
 Waiting = Annotated[str, typer.Option(
     "--wait", metavar="once|every-block", help="What a chain of threading blocks waits for: the first block for its "
                                                "start angle, or every block for its own (special grooves).")]
+Measure = Annotated[list[str] | None, typer.Option(
+    "--measure", metavar="NAME=VALUE ...",
+    help="Measure the thread that was cut, with errors of its own, into measured.csv, and judge that: "
+         "uncertainty=1um of one pitch, every=1 (so many-th turn), points=4 around it, "
+         "flanks=both|negative_z|positive_z|middle, seed=0.")]
 Increments = Annotated[str, typer.Option(
     "--increments", metavar="IS-B|IS-C", help="Least input increment of the program: 0.001 or 0.0001 mm.")]
 Control = Annotated[Path | None, typer.Option(

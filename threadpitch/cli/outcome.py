@@ -4,66 +4,88 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import typer
 from rich.console import Console
+from rich.text import Text
 
 from threadpitch import cosim, lathe
 from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
 from threadpitch.cli.printing import BAD_INPUT, complain, fail, print_json, printing
+from threadpitch.diagnosis import Diagnosis, diagnose, diagnosis_document, diagnosis_lines
+from threadpitch.judgement import JudgementError
+from threadpitch.measuring import MeasuringPlan
 from threadpitch.run_folder import event_records, run_document, save_run
 from threadpitch.tables import printable, show_pass
 
 DEFAULT_OUTPUT = "threadpitch-run"
 _MOST_EVENTS = 10  # that are printed
 
-def finish(simulation: lathe.Simulation, output: Path, as_json: bool, keeper: Keeper | None = None) -> None:
-    """Save a simulation that came to its end, keep it where that is wanted, and print what it found."""
-    saved = save(simulation, output)
+
+@dataclass(frozen=True, eq=False)
+class Done:
+    """A simulation that came to its end: what it found, and its files."""
+
+    simulation: lathe.Simulation
+    found: Diagnosis | None
+    files: list[Path]
+
+
+def finish(done: Done, as_json: bool, keeper: Keeper | None = None) -> None:
+    """Keep a simulation that came to its end and is saved, where that is wanted, and print what it found."""
     stored: dict[str, object] = {}
     try:
         if keeper is not None:
-            stored = keeper.finish_simulation(simulation)
+            stored = keeper.finish_simulation(done.simulation)
     finally:  # what was found is told, whatever becomes of the store
         with printing():
             if as_json:
-                print_json(run_document(simulation) | stored)
+                print_json(run_document(done.simulation, done.found) | stored)
             else:
-                _show(simulation, saved, stored)
-        _warn(simulation)
+                _show(done, stored)
+        _warn(done.simulation)
 
 
-def save(simulation: lathe.Simulation, output: Path) -> list[Path]:
-    """The files of a simulation, which has cut a turn at least."""
+def save(simulation: lathe.Simulation, output: Path, plan: MeasuringPlan | None) -> Done:
+    """The files of a simulation, which has cut a turn at least, with the verdict on its thread."""
     if simulation.calculators and not simulation.passes:
         fail(simulation.why_no_turn())
-    return save_run(simulation, output)
+    found = None
+    try:
+        found = diagnose(simulation, plan)
+    except JudgementError as error:
+        complain(f"no verdict: {error}")
+    except lathe.LatheError:
+        save_run(simulation, output)  # what was computed is not lost for a thread that cannot be measured
+        raise
+    return Done(simulation, found, save_run(simulation, output, found))
 
 
-def finish_program(done: Sequence[tuple[lathe.Simulation, list[Path]]], as_json: bool, asked: Asked,
-                   source: str) -> None:
+def finish_program(done: Sequence[Done], as_json: bool, asked: Asked, source: str) -> None:
     """Print what the operations of a program found, and keep each where that is wanted; their files are saved."""
     stored: list[dict[str, object]] = [{} for _ in done]
     try:
-        for place, (simulation, _) in enumerate(done):
+        for place, one in enumerate(done):
             with keeping_run(asked, "simulation", f"{source}, operation {place + 1}") as keeper:
                 if keeper is not None:
-                    stored[place] = keeper.finish_simulation(simulation)
+                    stored[place] = keeper.finish_simulation(one.simulation)
     finally:
         with printing():
             if as_json:
                 kept = {"stored": [one["stored"] for one in stored]} if all(stored) else {}
-                print_json(_program_document([simulation for simulation, _ in done]) | kept)
+                print_json(_program_document(done) | kept)
             else:
-                for (simulation, saved), place_kept in zip(done, stored, strict=True):
-                    _show(simulation, saved, place_kept)
-        for simulation, _ in done:
-            _warn(simulation)
+                for one, place_kept in zip(done, stored, strict=True):
+                    _show(one, place_kept)
+        for one in done:
+            _warn(one.simulation)
 
 
-def _program_document(simulations: Sequence[lathe.Simulation]) -> dict[str, object]:
-    """As of one run: the passes of all operations, and the sums of their steps and times."""
+def _program_document(done: Sequence[Done]) -> dict[str, object]:
+    """As of one run: the passes of all operations, their verdicts, and the sums of their steps and times."""
+    simulations = [one.simulation for one in done]
     documents = [run_document(simulation) for simulation in simulations]
     passes = [one for document in documents for one in document["passes"]]  # type: ignore[attr-defined] # a list
     events = [{"operation": number, **event} for number, simulation in enumerate(simulations, start=1)
@@ -77,6 +99,7 @@ def _program_document(simulations: Sequence[lathe.Simulation]) -> dict[str, obje
         "wall_s": sum(simulation.wall_time for simulation in simulations),
         "flavor": simulations[0].flavor,
         "operations": len(simulations),
+        "verdicts": [None if one.found is None else diagnosis_document(one.found) for one in done],
     }
 
 
@@ -86,13 +109,18 @@ def _warn(simulation: lathe.Simulation) -> None:
         complain(f"warning: {warning}")
 
 
-def _show(simulation: lathe.Simulation, saved: Sequence[Path], stored: dict[str, object]) -> None:
-    console = Console()
+def _show(done: Done, stored: dict[str, object]) -> None:
+    console, simulation, saved = Console(), done.simulation, done.files
     for one in simulation.passes:
         show_pass(console, one, simulation.beside(one))
         console.print()
     if not simulation.calculators:
         console.print(simulation.why_no_turn())
+    if done.found is not None:
+        heading, *lines = diagnosis_lines(done.found)
+        console.print(Text(heading, style="bold"))
+        for line in (*lines, ""):
+            console.print(Text(line))
     result = simulation.result
     for time, variable, direction in result.events[:_MOST_EVENTS]:
         print(f"event: {printable(variable)} {direction} at t = {time:.9g} s")

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TypeAlias
 
 from threadpitch import cycles, lathe
-from threadpitch.cli.outcome import save
+from threadpitch.cli.outcome import Done, save
 from threadpitch.cli.printing import remark
 from threadpitch.cosim.values import Given
+from threadpitch.measuring import MeasuringPlan
 from threadpitch.program_parameters import operations
 
 # (folder, component.variable -> value of the program's words, stop time in s that is enough) -> what it leaves
@@ -24,6 +25,7 @@ class Job:
     program: Path
     setup: cycles.Setup
     control: cycles.ParameterFile | None = None
+    plan: MeasuringPlan | None = None  # how the threads are measured
 
     def interpreted(self) -> cycles.Interpretation:
         """The program executed; parameters that it rewrites are kept in the file."""
@@ -34,7 +36,7 @@ class Job:
         return replace(result, parameters=self.control.rewrite(result.rewritten))
 
 
-def run_program(job: Job, output: Path, simulate: Simulate) -> list[tuple[lathe.Simulation, list[Path]]]:
+def run_program(job: Job, output: Path, simulate: Simulate) -> list[Done]:
     """Cut the operations of a program one after the other; several go into folders of their own in ``output``.
 
     Passes have the numbers of the program. The control's parameters 106 and 253 act where there is a file of them.
@@ -60,7 +62,7 @@ def run_program(job: Job, output: Path, simulate: Simulate) -> list[tuple[lathe.
         if 0 < simulation.begun_passes < len(step.passes) and not simulation.alarm:
             remark(f"warning: {simulation.begun_passes} of {len(step.passes)} passes were begun until the stop; choose "
                    "a longer --stop-time")
-        done.append((simulation, save(simulation, folder)))
+        done.append(save(simulation, folder, job.plan))
     return done
 
 

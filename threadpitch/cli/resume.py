@@ -9,7 +9,7 @@ import typer
 
 from threadpitch import cosim, lathe
 from threadpitch.cli.options import AsJson, number
-from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, keeping
+from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, keeping, save
 from threadpitch.cli.printing import progress
 from threadpitch.run_folder import check_folder
 
@@ -29,4 +29,4 @@ def resume(
     flavor = str(saved.metadata["about"].get("flavor", "native"))
     with keeping(output, flavor), progress("simulating") as told:
         simulation = lathe.resume(checkpoint, stop_time=stop_time, progress=told)
-    finish(simulation, output, as_json)
+    finish(save(simulation, output, None), as_json)

@@ -29,6 +29,7 @@ from threadpitch.cli.options import (
     Dialect,
     Flavor,
     Increments,
+    Measure,
     ParameterFiles,
     Replacements,
     StartAngles,
@@ -39,12 +40,13 @@ from threadpitch.cli.options import (
     number,
     radians,
 )
-from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping
+from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping, save
 from threadpitch.cli.printing import fail, printing, progress
 from threadpitch.cli.program import Job, run_program
 from threadpitch.cosim.keeping import SAVING_TIME
 from threadpitch.cosim.values import Given
 from threadpitch.faults import fault_names, read_fault
+from threadpitch.measuring import read_plan
 from threadpitch.parameters import read_assignments, read_parameters
 from threadpitch.replacement import read_replacements
 from threadpitch.run_folder import check_folder
@@ -68,6 +70,7 @@ def run(
     fault: Annotated[str | None, typer.Option(
         metavar="NAME", help=f"A fault of the library on a lathe without others: {', '.join(fault_names())}. A "
                              "program, files and --set win over it.")] = None,
+    measure: Measure = None,
     start_angle: StartAngles = None,
     stop_time: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="Stop time in s.", show_default="of the system")] = None,
@@ -108,11 +111,12 @@ def run(
     publish: store_options.Publish = None,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate a lathe that cuts a thread, and print the movement per revolution."""
+    """Simulate a lathe that cuts a thread, print the movement per revolution and where its fluctuation comes from."""
     check_folder(output, results, checkpoint)
     if checkpoint is None and checkpoint_every is not None:
         fail("--checkpoint-every saves nothing without --checkpoint FILE; give one")
     chosen = None if fault is None else read_fault(fault)
+    plan = None if measure is None else read_plan(measure)
     values: dict[str, Given] = {}
     for file in parameters or []:
         values |= read_parameters(file)
@@ -145,7 +149,7 @@ def run(
                 with printing():
                     print(f"Fault {chosen.name} ({chosen.cause}): {chosen.description}\n"
                           f"Signature: {chosen.signature}\n")
-            finish(simulation, output, as_json, keeper)
+            finish(save(simulation, output, plan), as_json, keeper)
         return
     if results is not None or checkpoint is not None:
         fail("--results and --checkpoint hold one simulation; a program is several: leave them out")
@@ -153,4 +157,4 @@ def run(
     setup = cycles.Setup(dialect=cycles.dialect_named(dialect), starts=starts, indexing=indexing(wait),
                          increments=increment_system(increments))
     words = None if control is None else cycles.ParameterFile(control)
-    finish_program(run_program(Job(program, setup, words), output, simulated), as_json, kept, str(program))
+    finish_program(run_program(Job(program, setup, words, plan), output, simulated), as_json, kept, str(program))

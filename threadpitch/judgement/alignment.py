@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from threadpitch.judgement.verdict import JudgementError
 from threadpitch.pitch import PitchTable
@@ -41,6 +41,25 @@ class Pair:
     measured: FloatArray  # (turns,) m
     uncertainty: FloatArray  # (turns,) m
     offset: float  # turn of the nominal table less that of the measured one
+    nominal_uncertainty: FloatArray  # (turns,) m, of each nominal pitch, where its crossings are uncertain; else 0
+
+    def part(self, number: int, count: int) -> NDArray[np.bool_]:
+        """(turns,) which of them are in the ``number``-th, from 0, of ``count`` equal stretches."""
+        return np.asarray(np.arange(self.turns.size) * count // self.turns.size == number)
+
+    def only(self, kept: NDArray[np.bool_]) -> Pair:
+        """Some of the turns."""
+        return Pair(self.turns[kept], self.nominal[kept], self.measured[kept], self.uncertainty[kept], self.offset,
+                    self.nominal_uncertainty[kept])
+
+
+@dataclass(frozen=True, eq=False)
+class NominalThread:
+    """Nominal pitches of one start angle, and what is known of them."""
+
+    pitch: FloatArray  # (turns,) m
+    places: FloatArray | None = None  # (turns,) m, middle of each turn along the axis
+    uncertainty: FloatArray | None = None  # (turns,) m, standard, of its crossings
 
 
 def pitches(values: ArrayLike, name: str) -> FloatArray:
@@ -64,11 +83,8 @@ def pitches(values: ArrayLike, name: str) -> FloatArray:
     return array
 
 
-def pairs(nominal: FloatArray, measured: MeasuredThread, uncertainty: FloatArray,
-          places: FloatArray | None) -> list[Pair]:
+def pairs(nominal: NominalThread, measured: MeasuredThread, uncertainty: FloatArray) -> list[Pair]:
     """The ways to lay the measured turns over the nominal ones; one where turn numbers or positions say it.
-
-    ``places`` (nominal turns,) m is the middle of each nominal turn along the axis, where that is known.
 
     Raises:
         JudgementError: turn numbers are no whole numbers or come twice, positions lie between the turns.
@@ -76,19 +92,20 @@ def pairs(nominal: FloatArray, measured: MeasuredThread, uncertainty: FloatArray
     if measured.turn is not None:
         numbers = _whole(measured.turn, "turn")
         return [_pair(nominal, measured, uncertainty, numbers, 0.0)]
-    if measured.position is not None and places is not None:
-        numbers = _by_place(measured.position, places)
+    if measured.position is not None and nominal.places is not None:
+        numbers = _by_place(measured.position, nominal.places)
         return [_pair(nominal, measured, uncertainty, numbers, float(numbers[0] - 1.0))]
     counted = np.arange(1.0, measured.pitch.size + 1.0)
-    spare = nominal.size - measured.pitch.size
+    spare = nominal.pitch.size - measured.pitch.size
     return [_pair(nominal, measured, uncertainty, counted + offset, float(offset))
             for offset in range(min(spare, 0), max(spare, 0) + 1)]
 
 
-def nominal_places(table: PitchTable, row: int) -> FloatArray | None:
-    """(turns,) m middle of each nominal turn along the axis; None where the table has no crossings."""
+def nominal_row(table: PitchTable, row: int) -> NominalThread:
+    """One start angle of a table; without places where the table has no crossings."""
     crossings = table.crossings[row]
-    return None if np.isnan(crossings).all() else 0.5 * (crossings[1:] + crossings[:-1])
+    places = None if np.isnan(crossings).all() else 0.5 * (crossings[1:] + crossings[:-1])
+    return NominalThread(table.pitch[row], places, None if table.uncertainty is None else table.uncertainty[row])
 
 
 def nearest_row(table: PitchTable, start_angle: float) -> int:
@@ -105,14 +122,16 @@ def nearest_row(table: PitchTable, start_angle: float) -> int:
     return row
 
 
-def _pair(nominal: FloatArray, measured: MeasuredThread, uncertainty: FloatArray, numbers: FloatArray,
+def _pair(nominal: NominalThread, measured: MeasuredThread, uncertainty: FloatArray, numbers: FloatArray,
           offset: float) -> Pair:
     order = np.argsort(numbers)
-    order = order[(numbers[order] >= 1.0) & (numbers[order] <= nominal.size)]
+    order = order[(numbers[order] >= 1.0) & (numbers[order] <= nominal.pitch.size)]
     inside = numbers[order]
-    seen = nominal[inside.astype(np.int64) - 1]
-    known = ~np.isnan(seen) & ~np.isnan(measured.pitch[order])
-    return Pair(inside[known], seen[known], measured.pitch[order][known], uncertainty[order][known], offset)
+    rows = inside.astype(np.int64) - 1
+    seen = nominal.pitch[rows]
+    doubt = np.zeros(seen.size) if nominal.uncertainty is None else np.nan_to_num(nominal.uncertainty[rows])
+    both = Pair(inside, seen, measured.pitch[order], uncertainty[order], offset, doubt)
+    return both.only(~np.isnan(seen) & ~np.isnan(measured.pitch[order]))
 
 
 def _whole(numbers: FloatArray, name: str) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,17 +12,22 @@ from threadpitch.judgement.alignment import Pair
 from threadpitch.judgement.hypotheses import (
     BOTH,
     CONTROL,
+    HARDLY,
     MECHANICAL,
+    NOISE_MARGIN,
+    NONE,
     UNDETERMINED,
     Fluctuations,
     Hypothesis,
     decide,
+    energy,
     hidden,
     hypotheses,
     without_control,
 )
 from threadpitch.judgement.jitter import Nominal, nominal_parts
 from threadpitch.judgement.noise import neighbours
+from threadpitch.judgement.pursuit import sure_event
 from threadpitch.judgement.shapes import Dictionary, Shape, dictionary
 from threadpitch.judgement.verdict import Evidence, Part
 from threadpitch.trace import FloatArray
@@ -37,12 +42,17 @@ class Assessment:
     candidates: Dictionary
     found: dict[str, Hypothesis]
     offset: float
+    moved: float  # sum of the squares of what the nominal pitches move by, over the uncertainty
+
+    @property
+    def moves(self) -> bool:
+        """Whether the control surely moves the feed by what can be measured."""
+        return self.nominal.moves and self.moved > HARDLY
 
     @property
     def costs(self) -> dict[str, float]:
         """By cause."""
         return {cause: one.cost for cause, one in self.found.items()}
-
 
     def cause(self) -> str:
         """What the costs tell, where the nominal pitches could tell it."""
@@ -51,19 +61,22 @@ class Assessment:
     def cause_at(self, costs: dict[str, float]) -> str:
         """The same at other costs."""
         cause = decide(costs)
+        if cause == NONE and self.moves:
+            return UNDETERMINED  # the control does move the feed, by less than this thread can show
         if cause == MECHANICAL and hidden(self.data, self.nominal, self.found[MECHANICAL]):
             return UNDETERMINED
         return cause
 
 
-def assess(pair: Pair, target: float, screw_turns: float | None) -> Assessment:
-    """The hypotheses about P - target of the two tables."""
+def assess(pair: Pair, target: float, screw_turns: float | None, parts: int = 1) -> Assessment:
+    """The hypotheses about P - target of the two tables; of one part where a thread is judged in several."""
     data = Fluctuations(pair.turns, pair.nominal - target, pair.measured - target, pair.uncertainty,
-                        neighbours(pair.turns))
-    candidates = dictionary(tuple(pair.turns.tolist()), screw_turns)
+                        neighbours(pair.turns), pair.nominal_uncertainty)
+    candidates = dictionary(tuple(pair.turns.tolist()), screw_turns, parts)
     shapes = without_control(data, candidates)
     nominal = nominal_parts(data.nominal, (data.measured, shapes.left * data.uncertainty), data.linked, candidates)
-    return Assessment(data, nominal, candidates, hypotheses(data, nominal, candidates, shapes), pair.offset)
+    return Assessment(data, nominal, candidates, hypotheses(data, nominal, candidates, shapes), pair.offset,
+                      energy(data, nominal, candidates))
 
 
 def evidence(found: Assessment, cause: str) -> Evidence:
@@ -87,7 +100,26 @@ def evidence(found: Assessment, cause: str) -> Evidence:
         control_share=_share(data, chosen), nominal_jitter=math.sqrt(chosen.jitter),
         rest=tuple(_parts(chosen, data, found.candidates)) if mechanical else (),
         irregular=_irregular(chosen), within_turn=None, costs=found.costs,
+        span=(float(data.turns[0]), float(data.turns[-1])),
+        movement=math.sqrt(max(found.moved, 0.0) / data.turns.size) * uncertainty if found.moves else 0.0,
+        detectable=uncertainty * sure_event(data.turns.size, NOISE_MARGIN),
     )
+
+
+def of_the_whole(part: Evidence, pair: Pair, target: float) -> Evidence:
+    """The evidence of one stretch with the numbers that can be told of the whole thread."""
+    nominal, measured = pair.nominal - target, pair.measured - target
+    related = tendency.correlation(nominal, measured)
+    uncertainty = float(np.sqrt(np.mean(pair.uncertainty**2)))
+    gain = tendency.gain(nominal, measured, np.zeros((nominal.size, 0)), (uncertainty**2, part.nominal_jitter**2))
+    return replace(part, turns=pair.turns.size, span=(float(pair.turns[0]), float(pair.turns[-1])),
+                   uncertainty=uncertainty, fluctuation=float(np.sqrt(np.mean(measured**2))),
+                   largest=float(measured[np.argmax(np.abs(measured))]),
+                   gain=None if gain is None else gain[0], gain_interval=None if gain is None else gain[1:],
+                   correlation=None if related is None else related[0],
+                   correlation_interval=None if related is None else related[1:],
+                   permutation_p=tendency.permutation_p(pair.turns, nominal, measured),
+                   sign_agreement=tendency.sign_agreement(nominal, measured))
 
 
 def _hypothesis(found: Assessment, cause: str) -> Hypothesis:

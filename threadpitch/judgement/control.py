@@ -73,6 +73,7 @@ class ControlParts:
     lag: float | None  # s, fitted; None where the speed explains nothing
     lag_interval: tuple[float, float] | None  # of 95 %
     expected_lag: float | None
+    course: FloatArray  # (crossings,) rad/s, the speed where turn 1 begins, and at the end of every turn
 
     @property
     def shares(self) -> dict[str, float]:
@@ -112,14 +113,15 @@ def control_parts(recording: ControlTrace, target: float, *, start_angle: float 
         if column is not None and column.shape != time.shape:
             raise JudgementError(f"{name} has {column.size} samples and the recording {time.size}; give equal lengths")
     table = pitch_table(recording.trace, (start_angle,))
-    known = np.flatnonzero(~np.isnan(table.pitch[0]))
-    known = known[known + 1 >= first_turn]
+    whole = np.flatnonzero(~np.isnan(table.pitch[0]))
+    known = whole[whole + 1 >= first_turn]
     if known.size < _FEWEST_TURNS:
         raise JudgementError(f"{recording.trace.whole()}: {known.size} whole turns; splitting the control needs "
                              f"{_FEWEST_TURNS}")
-    levels = start_angle + TURN * (table.turns_before + np.append(known, known[-1] + 1))  # (turns + 1,) rad
+    bounds = start_angle + TURN * (table.turns_before + np.append(whole, whole[-1] + 1))  # (whole turns + 1,) rad
     rising, sense = np.maximum.accumulate(recording.trace.angle), _sense(table.crossings[0])
-    speed = _at(levels, rising, recording.speed) if recording.speed is not None else _speed(levels, rising, time)
+    course = _at(bounds, rising, recording.speed) if recording.speed is not None else _speed(bounds, rising, time)
+    levels, speed = bounds[-known.size - 1:], course[-known.size - 1:]  # (turns + 1,)
     following = None if recording.following_error is None \
         else -sense * np.diff(_at(levels, rising, recording.following_error))
     saturated = np.zeros(known.size, dtype=np.bool_) if recording.saturated is None \
@@ -127,7 +129,7 @@ def control_parts(recording: ControlTrace, target: float, *, start_angle: float 
     deviation = np.asarray(table.pitch[0, known] - target)
     lagging = np.stack([-np.diff(_at(levels, rising, _lagging(rising, time, lag))) for lag in LAGS.tolist()])
     return _split(np.asarray(known + 1.0), deviation, speed,
-                  _Columns(target / TURN * lagging, following, saturated, expected))
+                  _Columns(target / TURN * lagging, following, saturated, expected, course))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +138,7 @@ class _Columns:
     following: FloatArray | None  # (turns,) m
     saturated: NDArray[np.bool_]  # (turns,)
     expected: ExpectedLag | None
+    course: FloatArray  # (crossings,) rad/s
 
 
 def _split(turns: FloatArray, deviation: FloatArray, speed: FloatArray, columns: _Columns) -> ControlParts:
@@ -151,7 +154,7 @@ def _split(turns: FloatArray, deviation: FloatArray, speed: FloatArray, columns:
         parts[FOLLOWING] = np.where(columns.saturated, 0.0, columns.following - parts[SPEED] - parts[START])
     parts[OTHER] = rest - parts[FOLLOWING]
     return ControlParts(turns, deviation, change, speed[1:], parts, lag, interval,
-                        None if columns.expected is None else columns.expected.lag)
+                        None if columns.expected is None else columns.expected.lag, columns.course)
 
 
 def _fit(turns: FloatArray, deviation: FloatArray,
@@ -240,18 +243,46 @@ def _sense(crossings: FloatArray) -> float:
     return -1.0 if known[-1] < known[0] else 1.0
 
 
+def control_document(found: ControlParts) -> dict[str, object]:
+    """As JSON, lengths in um, turn by turn."""
+    lag = {"lag_ms": found.lag, "expected_lag_ms": found.expected_lag}
+    return {
+        "shares": {name: round(share, 6) for name, share in found.shares.items()},
+        **{name: None if value is None else round(1e3 * value, 6) for name, value in lag.items()},
+        "lag_interval_ms": None if found.lag_interval is None else [round(1e3 * one, 6) for one in found.lag_interval],
+        "lag_agrees": found.lag_agrees,
+        "turns": [int(turn) for turn in found.turns.tolist()],
+        "speed_rpm": [round(from_si(value, "rpm"), 4) for value in found.speed.tolist()],
+        "deviation_um": [round(from_si(value, "um"), 6) for value in found.deviation.tolist()],
+        "parts_um": {name: [round(from_si(value, "um"), 6) for value in part.tolist()]
+                     for name, part in found.parts.items()},
+        "sentences": list(found.sentences()),
+    }
+
+
 def _of_speed(found: ControlParts) -> str:
-    before = found.speed - found.speed_change
-    worst = int(np.argmax(np.abs(found.parts[SPEED])))
-    lowest, highest = from_si(float(found.speed.min()), "rpm"), from_si(float(found.speed.max()), "rpm")
-    change = from_si(float(found.speed_change[worst]), "rpm")
-    told = (f"the spindle's speed changes ({lowest:.0f} to {highest:.0f} rpm; {change:+.1f} rpm in turn "
-            f"{found.turns[worst]:g}, from {from_si(float(before[worst]), 'rpm'):.0f} rpm) and the feed follows "
+    told = (f"the spindle's speed changes: it {_largest_change(found)}, and the feed follows "
             f"{1e3 * (found.lag or 0.0):.1f} ms late")
     if found.expected_lag is not None:
         word = "as expected" if found.lag_agrees else "not as expected"
         told += f", {word} ({1e3 * found.expected_lag:.1f} ms)"
     return f"{told}: raise Kv or the feedforward, or steady the spindle"
+
+
+def _largest_change(found: ControlParts) -> str:
+    """``drops by 30 rpm in turns 1 to 3, from 500 rpm``."""
+    speed, before = found.course, found.course.size - 1 - found.turns.size  # turns before those that were split
+    fall = np.maximum.accumulate(speed) - speed
+    rise = speed - np.minimum.accumulate(speed)
+    drops = fall.max() >= rise.max()
+    last = int(np.argmax(fall if drops else rise))
+    first = int((np.argmax if drops else np.argmin)(speed[:last + 1]))
+    change = from_si(float(abs(speed[last] - speed[first])), "rpm")
+    number = found.turns[0] - before
+    turns = f"turn {number + first:g}" if last - first <= 1 else f"turns {number + first:g} to {number + last - 1:g}"
+    entry = " at the entry" if first <= before <= last else ""
+    return (f"{'drops' if drops else 'rises'} by {change:.3g} rpm{entry}, in {turns}, from "
+            f"{from_si(float(speed[first]), 'rpm'):.4g} rpm")
 
 
 def _of_start(found: ControlParts) -> str:

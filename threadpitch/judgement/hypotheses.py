@@ -6,9 +6,9 @@
     both        P_measured - P_ref = g (P_nominal - P_ref) + shapes + noise
 
 What the detectors saw the feed do, the tool did: g is 1, but for what moves between detector and tool
-(``GAIN_RANGE``). Costs are minus twice the logarithm of the likelihood plus the prices of ``pursuit``. Where the
-nominal pitches jitter, they are taken as they are, with the jitter as additional noise, or smoothed, whichever
-explains more.
+(``GAIN_RANGE``); how far it is from 1 has its price. Costs are minus twice the logarithm of the likelihood plus the
+prices of ``pursuit``. Where the nominal pitches jitter, they are taken as they are, with the jitter as additional
+noise, or smoothed, whichever explains more.
 """
 
 from __future__ import annotations
@@ -26,9 +26,13 @@ from threadpitch.trace import FloatArray
 
 CONTROL, MECHANICAL, BOTH, NONE, UNDETERMINED = "control", "mechanical", "both", "none", "undetermined"
 GAIN_RANGE = (0.95, 1.05)  # of the movement that a drive's table makes per movement that its detector sees
+GAIN_SPREAD = 0.015  # standard deviation of g about 1: resonance and yielding between detector and tool
 CONTROL_PRICE = 3.0
 MARGIN = 4.0  # by which a cause must win: a likelihood ratio of e^2, on top of the prices
+NOISE_MARGIN = 1.0  # by which noise alone must win
 VISIBLE = 9.0  # sum of the squares of the nominal fluctuation over the uncertainty: less cannot be seen in the thread
+MOVED = 4.0  # the same, where the nominal pitches surely are a movement
+HARDLY = 1.0  # the same: the feed moves less than can be measured
 SHOWS = 25.0  # the same: so much must be seen
 PHYSICS = 14.0  # cost of a feed that moves in the detectors' sight and leaves nothing in the thread: one in a thousand
 TOLD = 16.0  # square over the jitter's variance from which the nominal pitches tell whether a shape is in them
@@ -44,6 +48,7 @@ class Fluctuations:
     measured: FloatArray  # (turns,) m
     uncertainty: FloatArray  # (turns,) m, standard, of each measured pitch
     linked: BoolArray  # (turns - 1,) the next turn follows at once
+    doubt: FloatArray  # (turns,) m, standard uncertainty of each nominal pitch
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +84,11 @@ def hypotheses(data: Fluctuations, nominal: Nominal, candidates: Dictionary, sha
     plain = data.measured / data.uncertainty
     absent = np.zeros_like(plain)
     noise = unexplained(plain)
-    surprise = PHYSICS if nominal.moves and _energy(data, nominal, candidates) > SHOWS else 0.0
-    found = [Hypothesis(NONE, 0.0, absent, data.uncertainty, nominal.jitter, noise, noise.cost),
+    moved = energy(data, nominal, candidates)
+    surprise = PHYSICS if nominal.moves and moved > SHOWS else 0.0
+    found = [Hypothesis(NONE, 0.0, absent, data.uncertainty, nominal.jitter, noise, noise.cost + surprise),
              Hypothesis(MECHANICAL, 0.0, absent, data.uncertainty, nominal.jitter, shapes, shapes.cost + surprise)]
-    if _energy(data, nominal, candidates) < VISIBLE:
+    if moved < (MOVED if nominal.moves else VISIBLE):
         return {one.cause: one for one in found}
     sights = _sights(data, nominal, candidates, shapes)
     for cause in (CONTROL, BOTH):
@@ -94,12 +100,13 @@ def hypotheses(data: Fluctuations, nominal: Nominal, candidates: Dictionary, sha
 def decide(costs: dict[str, float]) -> str:
     """The cause that costs least, where no other does nearly as well; the simpler of two that do.
 
-    Noise alone needs no margin: every cause has paid its price already. Where "both" wins over a single cause by less
-    than ``MARGIN``, the other cause is too small to be sure of, and the single one is named.
+    Noise alone needs a small margin only: every cause has paid its price already. Where "both" wins over a single
+    cause by less than ``MARGIN``, the other cause is too small to be sure of, and the single one is named.
     """
     best = min(costs, key=lambda cause: costs[cause])
     if best == NONE:
-        return NONE
+        other = min(cost for cause, cost in costs.items() if cause != NONE)
+        return NONE if other >= costs[NONE] + NOISE_MARGIN else UNDETERMINED
     near = {cause for cause, cost in costs.items() if cost < costs[best] + MARGIN}
     if NONE in near or {CONTROL, MECHANICAL} <= near:
         return UNDETERMINED
@@ -108,17 +115,17 @@ def decide(costs: dict[str, float]) -> str:
 
 def _sights(data: Fluctuations, nominal: Nominal, candidates: Dictionary, measured: Explanation) -> list[Seen]:
     """The nominal fluctuation as it is; where it jitters, also what its shapes, and those of the thread, make of it."""
-    found = [Seen(data.nominal, np.full_like(data.nominal, jitter), jitter)
+    found = [Seen(data.nominal, np.maximum(jitter, data.doubt**2), jitter)
              for jitter in sorted({nominal.least_jitter, nominal.jitter})]
-    if math.sqrt(nominal.jitter) <= WORTH_SMOOTHING * float(np.median(data.uncertainty)):
+    rough = max(nominal.jitter, float(np.mean(data.doubt**2)))
+    if math.sqrt(rough) <= WORTH_SMOOTHING * float(np.median(data.uncertainty)):
         return found
     offers = [nominal.shapes, tuple(dict.fromkeys(nominal.shapes + measured.shapes))] if nominal.moves else []
     if not nominal.moves and _told(data.nominal, nominal.jitter, data, measured.basis):
         offers = [measured.shapes]
     for shapes in offers:
         basis = span(shapes, candidates)
-        found.append(Seen(basis @ (basis.T @ data.nominal), nominal.jitter * np.sum(basis**2, axis=1),
-                          nominal.jitter))
+        found.append(Seen(basis @ (basis.T @ data.nominal), rough * np.sum(basis**2, axis=1), nominal.jitter))
     return found
 
 
@@ -155,19 +162,21 @@ def _with_control(cause: str, data: Fluctuations, seen: Seen, candidates: Dictio
             shapes = min(explain(rest, candidates, variance), pruned(rest, same, candidates, variance),
                          key=lambda one: one.cost)
         basis = shapes.basis
-    return Hypothesis(cause, gain, seen.nominal, scale, seen.jitter, shapes, shapes.cost + added + CONTROL_PRICE)
+    price = CONTROL_PRICE + ((gain - 1.0) / GAIN_SPREAD) ** 2
+    return Hypothesis(cause, gain, seen.nominal, scale, seen.jitter, shapes, shapes.cost + added + price)
 
 
-def _energy(data: Fluctuations, nominal: Nominal, candidates: Dictionary) -> float:
+def energy(data: Fluctuations, nominal: Nominal, candidates: Dictionary) -> float:
     """Sum of the squares of the nominal fluctuation less its jitter, over the measuring uncertainty."""
-    whole = float(np.sum((data.nominal**2 - nominal.least_jitter) / data.uncertainty**2))
+    whole = float(np.sum((data.nominal**2 - np.maximum(nominal.least_jitter, data.doubt**2)) / data.uncertainty**2))
     basis = span(nominal.shapes, candidates)
     return max(whole, float(np.sum((basis @ (basis.T @ data.nominal) / data.uncertainty)**2)))
 
 
 def _gain(nominal: FloatArray, measured: FloatArray, basis: FloatArray) -> float:
+    """g that minimises |measured - g nominal|^2 beside the basis, plus ((g - 1) / GAIN_SPREAD)^2."""
     free = nominal - basis @ (basis.T @ nominal)
-    square = float(free @ free)
+    square, known = float(free @ free), GAIN_SPREAD**-2
     if not square > 0.0 or not math.isfinite(square):
         return 1.0
-    return float(np.clip(float(free @ measured) / square, *GAIN_RANGE))
+    return float(np.clip((float(free @ measured) + known) / (square + known), *GAIN_RANGE))

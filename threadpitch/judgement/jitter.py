@@ -14,6 +14,8 @@ from threadpitch.trace import FloatArray
 _THIRD_DIFFERENCE = 20.0  # 1 + 9 + 9 + 1: variance of the third difference of crossings that jitter independently
 _FEWEST_TURNS = 8  # of which jitter is told apart
 _ROUNDS = 3
+_SAFE = 2.0  # of a variance that is estimated by a few turns
+_NORMAL = 1.4826  # standard deviations per median absolute deviation
 _SURELY = 4.0  # by which the shapes must be the cheaper explanation
 
 
@@ -37,7 +39,8 @@ def nominal_parts(nominal: FloatArray, measured: tuple[FloatArray, FloatArray], 
         J = (1 - g) |rest|^2 / (N - k),   g = rest' P_measured / |rest|^2  within 0 ... 1
 
     ``measured``: the deviations of the measured pitches, and what their own shapes leave of them. The first may follow
-    by chance where mechanics move the thread, the second not follow where a shape took away what the two share.
+    by chance where mechanics move the thread, the second not follow where a shape took away what the two share. Jitter
+    is in every turn, and cannot be more than the turns in the middle differ from one table to the other.
     """
     if nominal.size < _FEWEST_TURNS or not nominal.any():
         return Nominal((), 0.0, 0.0, bool(nominal.any()))
@@ -57,7 +60,13 @@ def nominal_parts(nominal: FloatArray, measured: tuple[FloatArray, FloatArray], 
         floor = float(rest @ rest) / max(nominal.size - basis.shape[1], 1)
     square = float(rest @ rest)
     follows = [float(np.clip(rest @ one / square, 0.0, 1.0)) if square > 0.0 else 1.0 for one in measured]
-    return Nominal(shapes, (1.0 - min(follows)) * floor, (1.0 - max(follows)) * floor, moves)
+    most = _SAFE * _usual_square(measured[0] - nominal)
+    return Nominal(shapes, min((1.0 - min(follows)) * floor, most), min((1.0 - max(follows)) * floor, most), moves)
+
+
+def _usual_square(differences: FloatArray) -> float:
+    """Variance by the median of the absolute deviations: single turns that differ much do not count."""
+    return (_NORMAL * float(np.median(np.abs(differences - np.median(differences))))) ** 2
 
 
 def _rough(nominal: FloatArray, linked: BoolArray) -> float:

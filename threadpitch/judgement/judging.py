@@ -9,17 +9,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from threadpitch.judgement.alignment import MeasuredThread, Pair, nearest_row, nominal_places, pairs, pitches
-from threadpitch.judgement.assessment import Assessment, assess, evidence
+from threadpitch.judgement.alignment import (
+    MeasuredThread,
+    NominalThread,
+    Pair,
+    nearest_row,
+    nominal_row,
+    pairs,
+    pitches,
+)
+from threadpitch.judgement.assessment import Assessment, assess, evidence, of_the_whole
 from threadpitch.judgement.hypotheses import BOTH, CONTROL, MECHANICAL, NONE, UNDETERMINED
 from threadpitch.judgement.verdict import JudgementError, Verdict
-from threadpitch.judgement.within_turn import drunkenness
+from threadpitch.judgement.within_turn import drunkenness, measured_drunkenness
 from threadpitch.judgement.wording import advice, sentence
 from threadpitch.pitch import PitchTable
 from threadpitch.trace import FloatArray
 
 FEWEST_TURNS = 6
-MOST_TURNS = 400  # of one judgement; the shapes of more are too many to try
+MOST_TURNS = 400  # of one stretch; the shapes of more are too many to try
 MOST_OFFSETS = 40  # ways to lay tables of different lengths over one another
 NEAR_OFFSETS = 8.0  # cost by which another place may fit worse and still be the right one
 SHIFTS = (-2, -1, 1, 2)  # turns by which tables of one length may be out of step
@@ -34,6 +42,7 @@ class _Question:
     target: float  # m
     uncertainty: float | None  # m
     screw_turns: float | None
+    parts: int = 1  # rows that are judged: as many times the shapes to choose from
 
 
 def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread | Sequence[MeasuredThread], *,
@@ -50,11 +59,12 @@ def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
         measured: P_n (revolutions,) m, or (start_angles, revolutions); NaN where a turn was not measured. Or measured
             threads with turn numbers, positions, uncertainties of their own; several for several start angles.
         target: P_ref, m: the movement per revolution that was wanted (the lead).
-        uncertainty: standard uncertainty of one measured pitch, m; those of a measured thread win.
+        uncertainty: standard uncertainty of one measured pitch, m; those of a measured thread win. That of the nominal
+            pitches' crossings counts besides where their table has one.
         screw_lead: lead of the feed's ball screw, m: finds what repeats with its turns.
 
     Tables of different length are laid over one another by turn numbers or positions, or where there are none, by
-    their fluctuations, if those leave no doubt.
+    their fluctuations, if those leave no doubt. More than ``MOST_TURNS`` turns are judged in stretches.
 
     Raises:
         JudgementError: no numbers, no target or uncertainty, tables that cannot be laid over one another.
@@ -63,18 +73,19 @@ def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
     """
     question = _question(target, uncertainty, screw_lead)
     rows = _rows(nominal, measured)
+    question = replace(question, parts=len(rows))
     verdicts = [_judge_row(row, question) for row in rows]
-    if isinstance(nominal, PitchTable):
-        error = drunkenness(nominal, target)
-        verdicts = [replace(one, evidence=replace(one.evidence, within_turn=error)) for one in verdicts]
-    return verdicts[0] if len(verdicts) == 1 else _together(verdicts)
+    seen = drunkenness(nominal, target) if isinstance(nominal, PitchTable) else None
+    shown = measured_drunkenness([row.measured for row in rows], target)
+    verdicts = [replace(one, evidence=replace(one.evidence, within_turn=seen, measured_within_turn=shown))
+                for one in verdicts]
+    return verdicts[0] if len(verdicts) == 1 else together(verdicts)
 
 
 @dataclass(frozen=True, eq=False)
 class _Row:
-    nominal: FloatArray  # (turns,) m
+    nominal: NominalThread
     measured: MeasuredThread
-    places: FloatArray | None  # (turns,) m
 
 
 def _question(target: float, uncertainty: float | None, screw_lead: float | None) -> _Question:
@@ -91,21 +102,23 @@ def _rows(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
     if isinstance(measured, Sequence) and measured and isinstance(measured[0], MeasuredThread):
         return [_row_of(nominal, one) for one in measured if isinstance(one, MeasuredThread)]
     table = _two_dimensional(measured, "measured")
-    seen = nominal.pitch if isinstance(nominal, PitchTable) else _two_dimensional(nominal, "nominal")
+    if isinstance(nominal, PitchTable):
+        seen = [replace(nominal_row(nominal, row), places=None) for row in range(len(nominal.pitch))]
+    else:
+        seen = [NominalThread(pitches(one, "nominal")) for one in _two_dimensional(nominal, "nominal")]
     if len(table) == 1:
         seen = seen[:1]
     if len(seen) != len(table):
         raise JudgementError(f"{len(table)} rows of measured pitches, {len(seen)} of nominal ones; give one row for "
                              "each start angle")
-    return [_Row(pitches(one, "nominal"), MeasuredThread(pitches(other, "measured")), None)
-            for one, other in zip(seen, table, strict=True)]
+    return [_Row(one, MeasuredThread(pitches(other, "measured"))) for one, other in zip(seen, table, strict=True)]
 
 
 def _row_of(nominal: ArrayLike | PitchTable, measured: MeasuredThread) -> _Row:
     if not isinstance(nominal, PitchTable):
-        return _Row(pitches(_two_dimensional(nominal, "nominal")[0], "nominal"), measured, None)
+        return _Row(NominalThread(pitches(_two_dimensional(nominal, "nominal")[0], "nominal")), measured)
     row = 0 if measured.start_angle is None else nearest_row(nominal, measured.start_angle)
-    return _Row(nominal.pitch[row], measured, nominal_places(nominal, row))
+    return _Row(nominal_row(nominal, row), measured)
 
 
 def _two_dimensional(values: object, name: str) -> FloatArray:
@@ -129,43 +142,54 @@ def _judge_row(row: _Row, question: _Question) -> Verdict:
         uncertainty = np.full(measured.pitch.size, question.uncertainty)
     if not (np.isfinite(uncertainty) & (uncertainty > 0.0)).all():
         raise JudgementError("an uncertainty of the measured pitches is not positive; give standard uncertainties in m")
-    offered = pairs(row.nominal, measured, uncertainty, row.places)
+    offered = pairs(row.nominal, measured, uncertainty)
     most = max(one.turns.size for one in offered)
-    if most > MOST_TURNS:
-        raise JudgementError(f"{most} turns are in both tables; give at most {MOST_TURNS} of them at once")
     if most < FEWEST_TURNS:
         return _too_few(max(offered, key=lambda one: one.turns.size), question)
+    if most > MOST_TURNS and len(offered) > 1:
+        raise JudgementError(f"{most} turns are in both tables, which are of different length; give the measured "
+                             "turns' numbers or positions")
+    if most > MOST_TURNS:
+        return _in_stretches(offered[0], question)
     if len(offered) == 1:
         return _in_step(offered[0], row, uncertainty, question)
     return _by_fluctuation(offered, question)
 
 
+def _in_stretches(pair: Pair, question: _Question) -> Verdict:
+    """Many turns are judged part by part, with as many times the shapes to choose from; the evidence is of all."""
+    count = math.ceil(pair.turns.size / MOST_TURNS)
+    parts = [pair.only(pair.part(k, count)) for k in range(count)]
+    verdicts = []
+    for part in parts:
+        found = assess(part, question.target, question.screw_turns, count * question.parts)
+        verdicts.append(_worded(found.cause(), found, ()))
+    bounds = [f"{part.turns[0]:g} to {part.turns[-1]:g}" for part in parts]
+    chief = together(verdicts)
+    note = f"judged in {count} stretches: turns {', '.join(bounds)}; the parts of the rest are those of one of them"
+    return replace(chief, evidence=of_the_whole(chief.evidence, pair, question.target), notes=(note,))
+
+
 def _in_step(pair: Pair, row: _Row, uncertainty: FloatArray, question: _Question) -> Verdict:
     """Tables of one length without turn numbers may still be numbered differently."""
-    found = assess(pair, question.target, question.screw_turns)
+    found = assess(pair, question.target, question.screw_turns, question.parts)
     cause = found.cause()
     if row.measured.turn is None and row.measured.position is None and cause != NONE:
         for shift in SHIFTS:
             turns = np.arange(1.0, row.measured.pitch.size + 1.0) + shift
-            (other,) = pairs(row.nominal, replace(row.measured, turn=turns), uncertainty, None)
+            (other,) = pairs(row.nominal, replace(row.measured, turn=turns), uncertainty)
             if other.turns.size < max(FEWEST_TURNS, pair.turns.size - abs(shift)):
                 continue
-            same = _restricted(pair, other, shift)
+            same = pair.only(np.isin(pair.turns + shift, other.turns))
             if _misfit(other) > _SHIFT_WORTH * _misfit(same):
                 continue
-            here = assess(same, question.target, question.screw_turns)
-            there = assess(other, question.target, question.screw_turns)
+            here = assess(same, question.target, question.screw_turns, question.parts)
+            there = assess(other, question.target, question.screw_turns, question.parts)
             if min(there.costs.values()) < min(here.costs.values()) - OUT_OF_STEP:
                 note = (f"shifted by {shift} turns the tables agree far better; number the turns of both, as the "
                         "nominal table does")
                 return _worded(UNDETERMINED, found, (note,))
     return _worded(cause, found, ())
-
-
-def _restricted(pair: Pair, other: Pair, shift: int) -> Pair:
-    """Those measured turns of a pair that a shifted pair has too."""
-    kept = np.isin(pair.turns + shift, other.turns)
-    return Pair(pair.turns[kept], pair.nominal[kept], pair.measured[kept], pair.uncertainty[kept], pair.offset)
 
 
 def _misfit(pair: Pair) -> float:
@@ -178,7 +202,7 @@ def _by_fluctuation(offered: list[Pair], question: _Question) -> Verdict:
     if len(offered) > MOST_OFFSETS:
         raise JudgementError(f"{offered[0].offset - offered[-1].offset:+.0f} turns between the lengths of the tables; "
                              "give the measured turns' numbers or positions")
-    tried = [assess(one, question.target, question.screw_turns) for one in offered]
+    tried = [assess(one, question.target, question.screw_turns, question.parts) for one in offered]
     chance = 2.0 * math.log(len(offered))  # the best of many offsets fits better by chance
     costs = [{cause: cost + (chance if cause in (CONTROL, BOTH) else 0.0) for cause, cost in one.costs.items()}
              for one in tried]
@@ -200,7 +224,7 @@ def _by_fluctuation(offered: list[Pair], question: _Question) -> Verdict:
 def _too_few(pair: Pair, question: _Question) -> Verdict:
     if pair.turns.size == 0:
         raise JudgementError("no turn is in both tables; number the measured turns as the nominal table does")
-    found = evidence(assess(pair, question.target, question.screw_turns), UNDETERMINED)
+    found = evidence(assess(pair, question.target, question.screw_turns, question.parts), UNDETERMINED)
     text = f"Undetermined: {pair.turns.size} turns are in both tables, and fewer than {FEWEST_TURNS} tell nothing."
     return Verdict(UNDETERMINED, text, ("Measure more turns.",), found)
 
@@ -210,9 +234,21 @@ def _worded(cause: str, found: Assessment, notes: tuple[str, ...]) -> Verdict:
     return Verdict(cause, sentence(cause, told), advice(cause, told), told, notes)
 
 
-def _together(verdicts: list[Verdict]) -> Verdict:
-    """One verdict on all start angles: a cause that one of them shows is there."""
+def _likeliest_noise(one: Verdict) -> bool:
+    """Whether noise is the likeliest of the causes, and the control surely moves nothing."""
+    costs = one.evidence.costs
+    return bool(costs) and min(costs, key=lambda cause: costs[cause]) == NONE and one.evidence.movement == 0.0
+
+
+def together(verdicts: list[Verdict]) -> Verdict:
+    """One verdict on several start angles, flanks or stretches: a cause that one of them shows is there.
+
+    Where noise is the likeliest in all of them, and surely in most, that some are less sure is to be expected.
+    """
     causes = {one.cause for one in verdicts}
+    doubtful = [one for one in verdicts if one.cause == UNDETERMINED]
+    if causes == {NONE, UNDETERMINED} and 2 * len(doubtful) <= len(verdicts) and all(map(_likeliest_noise, doubtful)):
+        causes = {NONE}
     if BOTH in causes or {CONTROL, MECHANICAL} <= causes:
         cause = BOTH
     else:
@@ -220,7 +256,7 @@ def _together(verdicts: list[Verdict]) -> Verdict:
     chief = max((one for one in verdicts if one.cause == cause), default=verdicts[0],
                 key=lambda one: one.evidence.fluctuation)
     if cause not in causes:
-        text = "Some start angles show the control, others mechanics: both."
+        text = "Some of the rows show the control, others mechanics: both."
         return replace(chief, cause=cause, sentence=text, rows=tuple(verdicts),
                        advice=tuple(dict.fromkeys(line for one in verdicts for line in one.advice)))
     return replace(chief, rows=tuple(verdicts))

@@ -27,6 +27,8 @@ PRICE = 5.5  # of one shape among one candidate
 MOST_SHAPES = 10
 _NEIGHBOURS_SHARE = 1.5  # variance of sum z^2 when neighbours share a crossing, over that when they do not
 _FEWEST_LEFT = 4  # turns that are left for a variance of their own
+_NINETY_FIVE = 1.64  # standard deviations that a normal value exceeds its mean by less than, in 95 of 100 cases
+_ROUNDS = 30  # of a fixed-point iteration that gains a digit in each
 _SMALL = 1e-6  # of a column's length that other shapes leave of it
 
 Variance = Callable[[FloatArray], FloatArray]  # (turns, directions) of length 1 -> (directions,)
@@ -51,6 +53,18 @@ class _Step:
     directions: FloatArray  # (turns, 1 or 2)
     gain: float
     price: float
+
+
+def sure_event(turns: int, margin: float) -> float:
+    """t + 1.64 with t^2 - ln t^2 = PRICE + 2 ln(turns) + margin.
+
+    A single turn that is off by this many standard uncertainties is not taken for noise in 95 of 100 threads.
+    """
+    price = PRICE + 2.0 * math.log(turns) + margin
+    square = price
+    for _ in range(_ROUNDS):
+        square = price + math.log(square)
+    return math.sqrt(square) + _NINETY_FIVE
 
 
 def unexplained(z: FloatArray) -> Explanation:

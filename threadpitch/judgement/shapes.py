@@ -57,8 +57,12 @@ class _Candidate:
 
 
 @functools.lru_cache(maxsize=8)
-def dictionary(turns: tuple[float, ...], screw_turns: float | None = None) -> Dictionary:
-    """The candidates for these turns; ``screw_turns`` are the turns of the ball screw per turn of the spindle."""
+def dictionary(turns: tuple[float, ...], screw_turns: float | None = None, parts: int = 1) -> Dictionary:
+    """The candidates for these turns; ``screw_turns`` are the turns of the ball screw per turn of the spindle.
+
+    Where the turns are one of several ``parts`` of a thread (start angles, flanks, stretches), there are as many times
+    the candidates to choose from.
+    """
     place = np.array(turns, dtype=np.float64)
     first, last = turns[0], turns[-1]
     along = (place - place.mean()) / max(last - first, 1.0)
@@ -75,7 +79,7 @@ def dictionary(turns: tuple[float, ...], screw_turns: float | None = None) -> Di
         beyond = abs(screw_turns - round(screw_turns))
         if beyond > _WHOLE:
             found.append(_wave(SCREW, place, beyond))
-    return _assembled(found, len(frequencies) / FINER)
+    return _assembled(found, len(frequencies) / FINER, parts)
 
 
 def _single_turns(place: FloatArray) -> Iterator[_Candidate]:
@@ -138,7 +142,7 @@ def _wave(kind: str, place: FloatArray, frequency: float) -> _Candidate:
     return _Candidate(kind, (np.cos(angle), np.sin(angle)), touched, period=1.0 / frequency)
 
 
-def _assembled(found: list[_Candidate], waves: float) -> Dictionary:
+def _assembled(found: list[_Candidate], waves: float, parts: int) -> Dictionary:
     columns: list[FloatArray] = []
     shapes: list[Shape] = []
     choices: dict[str, float] = {}
@@ -149,6 +153,7 @@ def _assembled(found: list[_Candidate], waves: float) -> Dictionary:
         choices[one.kind] = choices.get(one.kind, 0.0) + 1.0
     if PERIODIC in choices:
         choices[PERIODIC] = max(waves, 1.0)
+    choices = {kind: count * parts for kind, count in choices.items()}
     single = np.array([shape.columns[0] for shape in shapes if len(shape.columns) == 1])
     pairs = np.array([shape.columns for shape in shapes if len(shape.columns) == 2], dtype=np.int64).reshape(-1, 2)
     bonferroni = np.array([2.0 * math.log(choices[shape.kind]) for shape in shapes])

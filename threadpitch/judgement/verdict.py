@@ -59,7 +59,11 @@ class Evidence:
     nominal_jitter: float  # m, standard deviation of nominal pitches that is not in the thread
     rest: tuple[Part, ...]  # what the control does not explain
     irregular: float  # root mean square of the rest beside its parts, where it exceeds the uncertainty; 0 = noise
-    within_turn: float | None  # m, largest error within the turn that repeats; None = not observable
+    within_turn: float | None  # m, largest error within the turn that repeats, nominal; None = not observable
+    measured_within_turn: tuple[float, float] | None = None  # m: the same of the thread, and its standard uncertainty
+    span: tuple[float, float] = (math.nan, math.nan)  # first and last turn that both tables have, as the nominal one
+    movement: float = 0.0  # m, root mean square of what the control surely moves the feed by; 0 = it only jitters
+    detectable: float = math.nan  # m: a single turn off by less than this may be taken for noise
     costs: dict[str, float] = field(default_factory=dict)  # minus twice the logarithm of each cause's likelihood
 
     @property
@@ -90,6 +94,8 @@ def verdict_document(verdict: Verdict) -> dict[str, object]:
         "notes": list(verdict.notes),
         "evidence": {
             "turns": found.turns,
+            "first_turn": None if math.isnan(found.span[0]) else found.span[0],
+            "last_turn": None if math.isnan(found.span[1]) else found.span[1],
             "offset_turns": found.offset,
             "fluctuation_um": _um(found.fluctuation),
             "largest_um": _um(found.largest),
@@ -105,7 +111,10 @@ def verdict_document(verdict: Verdict) -> dict[str, object]:
             "nominal_jitter_um": _um(found.nominal_jitter),
             "rest": [_part(part) for part in found.rest],
             "irregular_um": _um(found.irregular),
+            "movement_um": _um(found.movement),
+            "detectable_um": _um(found.detectable),
             "within_turn_um": None if found.within_turn is None else _um(found.within_turn),
+            "measured_within_turn_um": _lengths(found.measured_within_turn),
             "costs": {cause: round(cost, 3) for cause, cost in found.costs.items()},
         },
         "rows": [verdict_document(row) for row in verdict.rows],
@@ -115,6 +124,10 @@ def verdict_document(verdict: Verdict) -> dict[str, object]:
 def _part(part: Part) -> dict[str, object]:
     return {"kind": part.kind, "size_um": _um(part.size), "first_turn": part.first_turn, "last_turn": part.last_turn,
             "period_turns": part.period, "decay_turns": part.decay}
+
+
+def _lengths(values: tuple[float, float] | None) -> list[float | None] | None:
+    return None if values is None else [_um(value) for value in values]
 
 
 def _pair(interval: tuple[float, float] | None) -> list[float] | None:

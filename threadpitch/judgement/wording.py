@@ -35,7 +35,7 @@ def sentence(cause: str, found: Evidence) -> str:
         jitter = (" The nominal pitches fluctuate, but the thread does not: their detectors jitter."
                   if found.nominal_jitter > 2.0 * found.uncertainty else "")
         return (f"None: the measured fluctuation of {size} is what a measuring uncertainty of {_um(found.uncertainty)} "
-                f"um makes.{jitter}")
+                f"um makes; a single turn that is off by less than {_um(found.detectable)} um need not show.{jitter}")
     if cause == CONTROL:
         return (f"Control: the fluctuation of {size} follows the nominal pitches{_gain(found)}, and what they leave is "
                 f"within the measuring uncertainty of {_um(found.uncertainty)} um.")
@@ -44,6 +44,9 @@ def sentence(cause: str, found: Evidence) -> str:
     if cause == BOTH:
         return (f"Both: {100.0 * found.control_share:.0f} % of the fluctuation of {size} is the nominal pitches'"
                 f"{_gain(found)}; the rest is {_rest(found)}.")
+    if found.movement > 0.0 and min(found.costs, key=lambda one: found.costs[one]) == NONE:
+        return (f"Undetermined: the control moves the feed by {_um(found.movement)} um rms, which a fluctuation of "
+                f"{size} at a measuring uncertainty of {_um(found.uncertainty)} um neither shows nor excludes.")
     near = sorted(found.costs, key=lambda one: found.costs[one])[:2]
     return (f"Undetermined: a fluctuation of {size} at a measuring uncertainty of {_um(found.uncertainty)} um "
             f"and {found.turns} turns does not tell {' from '.join(near)}.")

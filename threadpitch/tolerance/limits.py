@@ -34,6 +34,15 @@ EXTERNAL_STEPS = {3: -12, 4: -8, 5: -4, 6: 0, 7: 4, 8: 8, 9: 12}  # of R40 from 
 INTERNAL_STEPS = {4: -3, 5: 1, 6: 5, 7: 9, 8: 13}  # factors 0.85 to 2.12
 # T_d2(6) in um where the table of ISO 965-1 has another value than the formula, by range of diameters and pitch in mm
 TABULATED = {(2.8, 0.5): 75.0, (45.0, 5.0): 250.0}
+# Normal length of engagement in mm (above, up to) where the table is known, by range of diameters and pitch: ISO 965-1,
+# table 2. It decides; the formulae come within 12 % of it.
+ENGAGEMENT = {
+    (1.4, 0.35): (0.8, 2.6), (1.4, 0.4): (1.0, 3.0), (1.4, 0.45): (1.3, 3.8), (2.8, 0.5): (1.5, 4.5),
+    (2.8, 0.6): (1.7, 5.0), (2.8, 0.7): (2.0, 6.0), (2.8, 0.8): (2.5, 7.5), (5.6, 1.0): (3.0, 9.0),
+    (5.6, 1.5): (5.0, 15.0), (11.2, 1.5): (5.6, 16.0), (11.2, 1.75): (6.0, 18.0), (11.2, 2.0): (8.0, 24.0),
+    (11.2, 2.5): (10.0, 30.0), (22.4, 3.0): (12.0, 36.0), (22.4, 3.5): (15.0, 45.0), (22.4, 4.0): (18.0, 53.0),
+    (22.4, 4.5): (21.0, 63.0),
+}
 CREST_FACTORS = {4: 0.63, 5: 0.8, 6: 1.0, 7: 1.25, 8: 1.6}
 EXTERNAL_CREST_GRADES = (4, 6, 8)
 # Fundamental deviations e, f, g in um by pitch in mm: ISO 965-1, table 1
@@ -83,8 +92,8 @@ def external_limits(thread: Thread) -> Limits:
         raise ToleranceError(f"{thread.designation!r}: the major diameter has the grades 4, 6 and 8; write it like "
                              f"{one.grade}{one.position}6{one.position}")
     crest = written(r40(CREST_FACTORS[one.crest_grade] * (180.0 * pitch ** (2.0 / 3.0) - 3.15 / math.sqrt(pitch))))
-    es = -fundamental_deviation(one.position, pitch)
-    return _limits(es, tolerance, crest, _basic_pitch_diameter(thread), thread.diameter)
+    return _limits(fundamental_deviation(one.position, pitch), (tolerance, crest),
+                   (_basic_pitch_diameter(thread), thread.diameter), -1.0)
 
 
 def internal_limits(thread: Thread) -> Limits:
@@ -102,9 +111,9 @@ def internal_limits(thread: Thread) -> Limits:
     tolerance = written(stepped(basic_tolerance(thread), _grade(INTERNAL_STEPS, one.grade, thread)))
     sixth = 230.0 * pitch**0.7 if pitch >= 1.0 else 433.0 * pitch - 190.0 * pitch**1.22
     crest = written(r40(_grade(CREST_FACTORS, one.crest_grade, thread) * sixth))
-    ei = fundamental_deviation(one.position.lower(), pitch)
     minor = thread.diameter - 1.25 * math.sqrt(3.0) / 2.0 * thread.pitch
-    return _limits(ei, tolerance, crest, _basic_pitch_diameter(thread), minor)
+    return _limits(fundamental_deviation(one.position.lower(), pitch), (tolerance, crest),
+                   (_basic_pitch_diameter(thread), minor), 1.0)
 
 
 def basic_tolerance(thread: Thread) -> float:
@@ -123,10 +132,14 @@ def diameter_range(thread: Thread) -> tuple[float, float]:
 
 
 def normal_engagement(thread: Thread) -> tuple[float, float]:
-    """(2.24 to 6.7) P d^0.2 of the smallest d of the range: lengths of engagement of group N, m; ISO 965-1."""
+    """Lengths of engagement of group N, m; ISO 965-1: as tabulated, else (2.24 to 6.7) P d^0.2, d the range's least."""
     if thread.standard != METRIC:
         return 5.0 * thread.pitch, 15.0 * thread.pitch  # ASME B1.1: tolerances of class 2A hold up to 1.5 D
-    least = millimetres(thread.pitch) * diameter_range(thread)[0] ** 0.2
+    low, pitch = diameter_range(thread)[0], round(millimetres(thread.pitch), 9)
+    tabulated = ENGAGEMENT.get((low, pitch))
+    if tabulated is not None:
+        return to_si(tabulated[0], "mm"), to_si(tabulated[1], "mm")
+    least = pitch * low**0.2
     return to_si(2.24 * least, "mm"), to_si(6.7 * least, "mm")
 
 
@@ -167,10 +180,11 @@ def _basic_pitch_diameter(thread: Thread) -> float:
     return thread.diameter - 0.375 * math.sqrt(3.0) * thread.pitch
 
 
-def _limits(deviation: float, tolerance: float, crest: float, pitch_diameter: float, crest_diameter: float) -> Limits:
-    """From um to m; an external thread lies below its limit, an internal one above."""
-    shift, width, crest_width = (to_si(value, "um") for value in (deviation, tolerance, crest))
-    sense = -1.0 if deviation < 0.0 else 1.0
+def _limits(deviation: float, tolerances: tuple[float, float], diameters: tuple[float, float], sense: float) -> Limits:
+    """Of pitch and crest, from um to m; an external thread (sense -1) lies below its diameters, others above."""
+    width, crest_width = (to_si(value, "um") for value in tolerances)
+    pitch_diameter, crest_diameter = diameters
+    shift = sense * to_si(deviation, "um") + 0.0  # of position h 0, not -0
     return Limits(shift, width, _span(pitch_diameter + shift, sense * width), crest_width,
                   _span(crest_diameter + shift, sense * crest_width))
 

@@ -1,0 +1,133 @@
+"""From a simulated thread to its cause: the verdict names the fault's cause, and where in the control it lies."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.conftest import Command, assert_one_line
+from tests.test_faults import run
+from threadpitch import faults, lathe
+from threadpitch.diagnosis import Diagnosis, diagnose, diagnosis_document, diagnosis_lines
+from threadpitch.judgement import ControlParts
+from threadpitch.measuring import MeasuringPlan
+
+pytestmark = pytest.mark.usefixtures("fmu_cache")
+FINE = 0.5e-6
+
+
+def found(name: str, plan: MeasuringPlan | None = None) -> Diagnosis:
+    result = diagnose(run(name), plan, uncertainty=FINE)
+    assert result is not None
+    return result
+
+
+def control(name: str) -> ControlParts:
+    parts = found(name).control
+    assert parts is not None
+    return parts
+
+
+IN_THE_METAL = sorted(set(faults.fault_names()) - {"backlash"})  # which shows in a turn that begins before it
+
+
+@pytest.mark.parametrize("name", IN_THE_METAL)
+def test_the_verdict_is_the_faults_cause(name: str) -> None:
+    """Exact pitches, judged as if each had an uncertainty of 0.5 um."""
+    assert found(name).verdict.cause == faults.read_fault(name).cause, found(name).verdict.sentence
+
+
+@pytest.mark.parametrize("name", ["none", "spindle_dip", "periodic_screw_error"])
+def test_a_measured_thread_gives_the_same(name: str) -> None:
+    result = found(name, MeasuringPlan(uncertainty=FINE, seed=1))
+    assert result.verdict.cause == faults.read_fault(name).cause, result.verdict.sentence
+    assert len(result.measured) == 8
+    assert [one.flank for one in result.measured] == ["negative_z"] * 4 + ["positive_z"] * 4
+
+
+def test_the_dip_is_told_with_its_size_and_the_formula_holds() -> None:
+    """dP = -F dN / (60 Kv): the lag that the recording shows is 1 / Kv."""
+    parts = control("spindle_dip")
+    assert parts.lag == pytest.approx(1.0 / 50.0, rel=0.02)
+    assert parts.expected_lag == pytest.approx(1.0 / 50.0)
+    assert parts.lag_agrees
+    result = run("spindle_dip")
+    speed = np.asarray(result["spindle.speed"])[np.asarray(result["controller.threading"]) == 1]
+    drop = (500.0 / 60.0 * 2.0 * np.pi - speed.min()) * 60.0 / (2.0 * np.pi)
+    text = parts.sentences()[0]
+    assert f"it drops by {drop:.2g} rpm at the entry" in text
+    assert "as expected (20.0 ms): raise Kv or the feedforward" in text
+    changes = np.diff(parts.course)[-parts.turns.size:] * 60.0 / (2.0 * np.pi)
+    formula = -1.5e-3 * changes / (60.0 * 50.0)
+    assert parts.deviation == pytest.approx(formula, abs=0.6e-6)  # which is of slow changes
+    assert np.abs(formula).max() > 4e-6
+
+
+@pytest.mark.parametrize(("name", "part"), [("saturation", "saturation"), ("short_start", "start"),
+                                            ("belt_ripple", "speed"), ("low_gain", "speed")])
+def test_the_part_of_the_control_is_the_faults(name: str, part: str) -> None:
+    shares = control(name).shares
+    assert max(shares, key=lambda one: shares[one]) == part, shares
+
+
+def test_lines_and_document_tell_the_same() -> None:
+    one = found("spindle_dip")
+    text = "\n".join(diagnosis_lines(one))
+    assert text.startswith("Verdict on pass 1, pitches of the groove, as an uncertainty of 0.5 um would show them\n")
+    document: Any = json.loads(json.dumps(diagnosis_document(one), allow_nan=False))
+    assert document["cause"] == "control"
+    assert document["control"]["lag_ms"] == pytest.approx(20.0, rel=0.02)
+    assert document["control"]["sentences"][0] in text
+
+
+def test_without_both_calculators_there_is_no_verdict() -> None:
+    assert diagnose(lathe.simulate(stop_time=0.2)) is None  # no turn yet
+
+
+def test_what_was_not_recorded_is_said() -> None:
+    blind = lathe.simulate(stop_time=2.0, record=["controller.threading"])
+    result = diagnose(blind)
+    assert result is not None
+    assert result.control is None
+    assert "spindle.encoder_angle was not recorded" in result.why_not
+
+
+def test_run_prints_the_verdict_and_writes_what_analyze_reads(threadpitch: Command, workplace: Any) -> None:
+    """The whole comparison: cut, measure, analyse the recording against the measurement."""
+    outcome = threadpitch("run", "--measure", "uncertainty=0.5um", "points=2", "flanks=middle", "seed=3", "--output",
+                          "o")
+    assert outcome.status == 0, outcome.err
+    text = " ".join(outcome.out.split())
+    assert "Verdict on pass 1, pitches measured with an uncertainty of 0.5 um Mechanical: " in text
+    assert "once per screw turn, amplitude" in text
+    assert (workplace / "o" / "measured.csv").read_text(encoding="utf-8").count("\n") > 30
+    columns = ("--angle", "spindle.encoder_angle [rad]", "--position", "z_drive.measured_position [m]", "--group",
+               "controller.threading", "--following-error", "z_drive.following_error [m]", "--expected-lag", 20)
+    outcome = threadpitch("analyze", "o/trace.csv", *columns, "--measured", "o/measured.csv", "--target", 1.5,
+                          "--ball-screw", 10, "--start-angle", 0, 180, "--json")
+    assert outcome.status == 0, outcome.err
+    verdict = json.loads(outcome.out)["verdict"]
+    assert verdict["cause"] == "mechanical"
+    assert verdict["evidence"]["rest"][0]["kind"] == "once per screw turn"
+    assert verdict["control"]["lag_ms"] == pytest.approx(20.0, rel=0.03)
+    assert verdict["control"]["lag_agrees"]
+
+
+def test_run_tells_the_verdict_as_json_and_forgets_an_old_measurement(threadpitch: Command, workplace: Any) -> None:
+    (workplace / "o").mkdir()
+    (workplace / "o" / "measured.csv").write_text("old\n")
+    outcome = threadpitch("run", "--stop-time", 2, "--start-angle", 0, "--output", "o", "--json")
+    document = json.loads(outcome.out)
+    assert document["verdict"]["pass"] == 1
+    assert document["verdict"]["cause"] in {"mechanical", "undetermined"}
+    assert not (workplace / "o" / "measured.csv").exists()
+
+
+def test_a_plan_that_makes_no_sense_is_refused_before_the_run(threadpitch: Command, workplace: Any) -> None:
+    outcome = threadpitch("run", "--measure", "every=0")
+    assert outcome.status == 2
+    assert_one_line(outcome.err, "give turns and points from 1 to 360")
+    assert not (workplace / "threadpitch-run").exists()

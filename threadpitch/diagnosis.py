@@ -1,0 +1,195 @@
+"""What made the pitch of a simulated thread fluctuate: the verdict on its groove, and the control's part of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from threadpitch.judgement import (
+    ControlParts,
+    ControlTrace,
+    ExpectedLag,
+    JudgementError,
+    MeasuredThread,
+    Verdict,
+    control_document,
+    control_parts,
+    judge,
+    together,
+    verdict_document,
+)
+from threadpitch.lathe import ACTUAL, NOMINAL, Simulation
+from threadpitch.measuring import MeasuringPlan, measure, recorded_rows
+from threadpitch.passes import CONTROLLER, FloatArray, Pass
+from threadpitch.pitch import PitchError, PitchTable, pitch_table
+from threadpitch.roles import Z_DRIVE
+from threadpitch.trace import TURN, Trace, TraceError
+from threadpitch.units import from_si
+
+UNCERTAINTY = 1e-6  # m, standard, of one pitch: what a good coordinate measuring machine reaches
+_DETECTED = ("spindle.encoder_angle", f"{Z_DRIVE}.measured_position")
+_FLANKS = {"negative_z": 1, "positive_z": 2}
+_EXPONENTIAL = 0  # a value of the controller's start_mode
+_BALL_SCREW = 1  # of the drive's drive_type
+_AT_THE_LIMIT = 0.999
+_WORTH = 0.3  # of the uncertainty: the control is not explained where it does less
+_CUTS = 0.5  # of the turns in the metal in which a pass must take a chip off a flank to have left it
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The verdict on the pass that left the groove.
+
+    ``control`` is None where the recording does not tell it, ``why_not`` then says why.
+    """
+
+    pass_number: int
+    target: float  # m, the lead
+    uncertainty: float  # m, standard, of one pitch
+    verdict: Verdict
+    control: ControlParts | None
+    measured: tuple[MeasuredThread, ...] = ()  # where the thread was measured by a plan
+    why_not: str = ""
+
+
+def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
+             uncertainty: float = UNCERTAINTY) -> Diagnosis | None:
+    """Judge the pitches in the metal of the pass that left the groove, nominal against actual ones.
+
+    Without a plan the actual pitches are those of the calculator, exact, judged as if each had this standard
+    uncertainty, m. With one they are measured (``measure``), flank by flank, each against the pass that left it.
+    None where the system does not calculate both pitches, or no turn was completed.
+
+    Raises:
+        LatheError: the plan needs what was not recorded.
+        JudgementError: the pitches cannot be judged.
+    """
+    if not {NOMINAL, ACTUAL} <= set(simulation.calculators) or not simulation.passes:
+        return None
+    left = _left_by(simulation)
+    target = _target(left)
+    threads: tuple[MeasuredThread, ...] = ()
+    if plan is None:
+        nominal, actual = _both(left, simulation)
+        verdict = judge(nominal, actual, target=target, uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
+    else:
+        threads, uncertainty = tuple(measure(simulation, plan, simulation.passes[-1])), plan.uncertainty
+        verdict = _of_flanks(simulation, plan, threads, target)
+    control, why_not = _control(simulation, left, target)
+    return Diagnosis(left.number, target, uncertainty, verdict, control, threads, why_not)
+
+
+def diagnosis_document(found: Diagnosis) -> dict[str, object]:
+    """As JSON, lengths in um."""
+    return {"pass": found.pass_number, "uncertainty_um": from_si(found.uncertainty, "um"),
+            **verdict_document(found.verdict),
+            "control": {"why_not": found.why_not} if found.control is None else control_document(found.control)}
+
+
+def diagnosis_lines(found: Diagnosis) -> list[str]:
+    """In plain words: the verdict, what to adjust or check, where in the control."""
+    um = f"{from_si(found.uncertainty, 'um'):.3g}"
+    how = f"measured with an uncertainty of {um} um" if found.measured else \
+        f"of the groove, as an uncertainty of {um} um would show them"
+    lines = [f"Verdict on pass {found.pass_number}, pitches {how}", found.verdict.sentence]
+    lines += [f"  - {line}" for line in found.verdict.advice]
+    lines += [f"Note: {note}" for note in found.verdict.notes]
+    worst = 0.0 if found.control is None else float(np.abs(found.control.deviation).max())
+    if found.control is not None and worst > _WORTH * found.uncertainty:
+        lines.append(f"Where in the control: the nominal pitches deviate by up to {from_si(worst, 'um'):.3g} um, of it")
+        lines += [f"  - {line}" for line in found.control.sentences()]
+    return lines
+
+
+def _left_by(simulation: Simulation, flank: str = "") -> Pass:
+    """The pass that left the groove, or one flank of it: the last that takes a chip off it.
+
+    Where the chips were not recorded: the last pass that is not a spring pass.
+    """
+    passes = simulation.passes
+    names = [f"cutting.chip_thickness[{number}]" for name, number in _FLANKS.items() if flank in ("", "middle", name)]
+    if not all(name in simulation for name in (*names, "cutting.groove_depth", f"{CONTROLLER}.threading")):
+        return next((one for one in reversed(passes) if one.kind != "spring"), passes[-1])
+    for one in reversed(passes):
+        rows = recorded_rows(simulation, one, names)
+        rows &= np.asarray(simulation["cutting.groove_depth"]) > 0.0
+        chips = [np.asarray(simulation[name])[rows] > 0.0 for name in names]
+        if rows.any() and max(float(chip.mean()) for chip in chips) > _CUTS:
+            return one
+    return passes[-1]
+
+
+def _target(one: Pass) -> float:
+    known = np.isfinite(one.deviation)
+    return float((one.table.pitch - one.deviation)[known][0])
+
+
+def _screw_lead(simulation: Simulation) -> float | None:
+    ball_screw = simulation.parameter(f"{Z_DRIVE}.drive_type") == _BALL_SCREW
+    return simulation.parameter(f"{Z_DRIVE}.screw_lead") if ball_screw else None
+
+
+def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, FloatArray]:
+    """Nominal and actual pitches (start_angles, turns) m of the same turns, NaN outside of the metal."""
+    other = next(one for one in simulation.passes_of(ACTUAL) if one.number == left.number)
+    turns = min(left.table.pitch.shape[1], other.table.pitch.shape[1])
+    inside = left.in_metal[:, :turns]
+    nominal = np.where(inside, left.table.pitch[:, :turns], np.nan)
+    actual = np.where(inside, other.table.pitch[:, :turns], np.nan)
+    return PitchTable.of_pitches(nominal, left.table.start_angles), actual
+
+
+def _of_flanks(simulation: Simulation, plan: MeasuringPlan, threads: Sequence[MeasuredThread],
+               target: float) -> Verdict:
+    """Every flank against the nominal pitches of the pass that left it; one verdict of all."""
+    verdicts = []
+    for flank in dict.fromkeys(one.flank for one in threads):
+        table = _nominal(simulation, _left_by(simulation, flank), plan.start_angles)
+        own = [one for one in threads if one.flank == flank]
+        verdict = judge(table, own, target=target, screw_lead=_screw_lead(simulation))
+        verdicts.append(replace(verdict, notes=(*verdict.notes, f"told by the flank {flank}")))
+    return verdicts[0] if len(verdicts) == 1 else together(verdicts)
+
+
+def _nominal(simulation: Simulation, one: Pass, start_angles: Sequence[float]) -> PitchTable:
+    """Of the detectors' signals, with the crossings along the axis."""
+    rows = recorded_rows(simulation, one, _DETECTED)
+    angle, position = (np.asarray(simulation[name], dtype=np.float64)[rows] for name in _DETECTED)
+    return pitch_table(Trace(angle, position), start_angles)
+
+
+def _control(simulation: Simulation, left: Pass, target: float) -> tuple[ControlParts | None, str]:
+    """Where in the control, from the first turn in the metal on; None and the reason where that is not told."""
+    names = (*_DETECTED, "spindle.speed", f"{Z_DRIVE}.following_error", f"{Z_DRIVE}.torque")
+    try:
+        rows = recorded_rows(simulation, left, names)
+        angle, position, speed, error, torque = (np.asarray(simulation[name], dtype=np.float64)[rows] for name in names)
+        limit = simulation.parameter(f"{Z_DRIVE}.torque_limit")
+        saturated = None if limit is None else np.abs(torque) >= _AT_THE_LIMIT * limit
+        trace = Trace(angle, position, simulation.time[rows])
+        start = float(left.table.start_angles[0])
+        first = int(np.argmax(left.in_metal[0])) + 1 if left.in_metal[0].any() else 1
+        turns_before = np.ceil((angle[0] - start) / TURN - 1e-9)
+        return control_parts(ControlTrace(trace, speed, error, saturated), target,
+                             start_angle=start + TURN * float(turns_before), expected=_expected(simulation),
+                             first_turn=first), ""
+    except (JudgementError, PitchError, TraceError, ValueError) as error_:
+        return None, str(error_)
+
+
+def _expected(simulation: Simulation) -> ExpectedLag | None:
+    """Of the drive's parameters; Td is the fine interpolation's period less what the order of the data is ahead.
+
+    An exponential start adds its time constant.
+    """
+    gain = simulation.parameter(f"{Z_DRIVE}.position_gain")
+    if gain is None:
+        return None
+    delay = (simulation.parameter(f"{Z_DRIVE}.command_period") or 0.0) - simulation.result.schedule.step_size
+    if simulation.parameter(f"{CONTROLLER}.start_mode") == _EXPONENTIAL:
+        delay += simulation.parameter(f"{CONTROLLER}.start_time_constant") or 0.0
+    if simulation.parameter(f"{CONTROLLER}.age_compensation"):
+        delay -= simulation.parameter(f"{CONTROLLER}.command_age") or 0.0
+    return ExpectedLag(gain, simulation.parameter(f"{Z_DRIVE}.feedforward") or 0.0, delay)
