@@ -71,6 +71,17 @@ def test_the_dip_is_told_with_its_size_and_the_formula_holds() -> None:
 def test_the_part_of_the_control_is_the_faults(name: str, part: str) -> None:
     shares = control(name).shares
     assert max(shares, key=lambda one: shares[one]) == part, shares
+    assert shares[part] > 0.98, shares
+    assert all(share > -0.02 for share in shares.values()), shares
+
+
+@pytest.mark.parametrize("name", ["spindle_dip", "short_start"])
+def test_the_control_is_split_over_the_turns_in_the_metal(name: str) -> None:
+    """Their numbers and deviations are those of the table, though n = 1 begins before the first row."""
+    parts, (one,) = control(name), run(name).passes
+    inside = np.flatnonzero(one.in_metal[0])
+    assert parts.turns[0] == inside[0] + 1
+    assert parts.deviation[:inside.size] == pytest.approx(one.deviation[0, inside], abs=0.05e-6)
 
 
 def test_lines_and_document_tell_the_same() -> None:

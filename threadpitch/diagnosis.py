@@ -169,14 +169,28 @@ def _control(simulation: Simulation, left: Pass, target: float) -> tuple[Control
         limit = simulation.parameter(f"{Z_DRIVE}.torque_limit")
         saturated = None if limit is None else np.abs(torque) >= _AT_THE_LIMIT * limit
         trace = Trace(angle, position, simulation.time[rows])
-        start = float(left.table.start_angles[0])
         first = int(np.argmax(left.in_metal[0])) + 1 if left.in_metal[0].any() else 1
-        turns_before = np.ceil((angle[0] - start) / TURN - 1e-9)
         return control_parts(ControlTrace(trace, speed, error, saturated), target,
-                             start_angle=start + TURN * float(turns_before), expected=_expected(simulation),
+                             start_angle=_first_crossing(trace, left.table), expected=_expected(simulation),
                              first_turn=first), ""
     except (JudgementError, PitchError, TraceError, ValueError) as error_:
         return None, str(error_)
+
+
+def _first_crossing(trace: Trace, table: PitchTable) -> float:
+    """Angle, rad, at which n = 1 of the table's first start angle begins.
+
+    It may lie in the step in which threading begins, and so before the first row: the pitches themselves tell.
+    """
+    start, known = float(table.start_angles[0]), table.pitch[0]
+    later = start + TURN * float(np.ceil((trace.angle[0] - start) / TURN - 1e-9))
+
+    def apart(first: float) -> float:
+        seen = pitch_table(trace, (first,)).pitch[0]
+        both = min(seen.size, known.size)
+        return float(np.nanmax(np.abs(seen[:both] - known[:both])))
+
+    return min((later, later - TURN), key=apart)
 
 
 def _expected(simulation: Simulation) -> ExpectedLag | None:

@@ -151,10 +151,22 @@ def _split(turns: FloatArray, deviation: FloatArray, speed: FloatArray, columns:
     if columns.following is None:
         parts[FOLLOWING] = np.zeros_like(deviation)
     else:
-        parts[FOLLOWING] = np.where(columns.saturated, 0.0, columns.following - parts[SPEED] - parts[START])
+        parts[FOLLOWING] = np.where(columns.saturated, 0.0, _beyond(columns, moved, start))
     parts[OTHER] = rest - parts[FOLLOWING]
     return ControlParts(turns, deviation, change, speed[1:], parts, lag, interval,
                         None if columns.expected is None else columns.expected.lag, columns.course)
+
+
+def _beyond(columns: _Columns, moved: FloatArray, start: FloatArray) -> FloatArray:
+    """(turns,) m, the following error's change without what it shares with the speed's part and the start's.
+
+    The command itself may run behind, as in an exponential start: the drive then follows with its own share of them.
+    """
+    assert columns.following is not None
+    design = np.column_stack([one for one in (moved, start) if one.any()] or [np.zeros_like(moved)])
+    free = ~columns.saturated
+    sizes = np.asarray(np.linalg.lstsq(design[free], columns.following[free], rcond=None)[0], dtype=np.float64)
+    return np.asarray(columns.following - design @ sizes)
 
 
 def _fit(turns: FloatArray, deviation: FloatArray,
