@@ -136,6 +136,7 @@ def test_normal_length_of_engagement_of_m20x15() -> None:
 @pytest.mark.parametrize(("designation", "diameter", "lead", "pitch", "starts"), [
     ("M20x1.5-6g", 20.0, 1.5, 1.5, 1), ("M20-6H/6g", 20.0, 2.5, 2.5, 1), ("M20x3(P1.5)-6g", 20.0, 3.0, 1.5, 2),
     ("M20xPh3P1.5-5g6g-L-LH", 20.0, 3.0, 1.5, 2), ("m 8 x 1", 8.0, 1.0, 1.0, 1), ("M64x4-7H", 64.0, 4.0, 4.0, 1),
+    ("M20x1,5 6g", 20.0, 1.5, 1.5, 1), ("M20x3P1.5", 20.0, 3.0, 1.5, 2),
     ("1/4-20 UNC-2A", 6.35, 1.27, 1.27, 1), ("#8-32 UNC", 4.1656, 0.79375, 0.79375, 1),
     ("1 1/4-12 UNF-2A", 31.75, 25.4 / 12, 25.4 / 12, 1), (".250-28 UNF-3B", 6.35, 25.4 / 28, 25.4 / 28, 1)])
 def test_designations(designation: str, diameter: float, lead: float, pitch: float, starts: int) -> None:

@@ -192,7 +192,7 @@ def test_what_cannot_be_judged_is_refused_in_one_line() -> None:
         (QUIET, np.zeros((2, 2, 2)), {"uncertainty": U}, "shape"),
         (1e3 * QUIET, 1e5 * QUIET, {"uncertainty": U}, "give pitches in m"),
         (np.stack([QUIET, QUIET]), np.stack([QUIET] * 3), {"uncertainty": U}, "3 rows of measured"),
-        (QUIET, np.full(40, np.nan), {"uncertainty": U}, "no turn is in both"),
+        (QUIET, np.full(40, np.nan), {"uncertainty": U}, "no measured pitches but missing ones"),
         (np.full(500, TARGET), np.full(450, TARGET), {"uncertainty": U}, "which are of different length"),
     ]
     for nominal, measured, options, text in cases:
@@ -240,3 +240,25 @@ def test_uncertain_crossings_of_the_nominal_pitches_count() -> None:
     shown = TARGET + 3.0 * DIP + noise(8)
     known = replace(table, uncertainty=np.full((1, TURNS.size), 4.0 * U))
     assert tp.judge(known, shown, target=TARGET, uncertainty=U).cause == "control"
+
+
+@pytest.mark.parametrize(("nominal", "measured", "uncertainty", "message"), [
+    (1.0, 1e3, 1e-6, "the measured pitches are 1.5 m in their middle and the target is 0.0015 m"),
+    (1e3, 1.0, 1e-6, "the nominal pitches are 1.5 m"),
+    (1.0, -1.0, 1e-6, "positive in the direction of the cut"),
+    (0.5, 0.5, 1e-6, "the target as movement per revolution"),
+    (1.0, 1.0, 1e-3, "the uncertainty of 0.001 m is more than a tenth"),
+    (1.0, np.nan, 1e-6, "there are no measured pitches but missing ones"),
+])
+def test_another_unit_sign_or_thread_is_no_fluctuation(nominal: float, measured: float, uncertainty: float,
+                                                       message: str) -> None:
+    pitches = np.full(20, 1.5e-3) + 1e-6 * np.sin(np.arange(20.0))
+    with pytest.raises(JudgementError, match=message):
+        tp.judge(nominal * pitches, measured * pitches, target=1.5e-3, uncertainty=uncertainty)
+
+
+def test_masked_is_missing() -> None:
+    pitches = np.full(20, 1.5e-3) + 1e-6 * np.sin(np.arange(20.0))
+    spoiled = np.ma.masked_array(np.where(np.arange(20) == 7, 1.6e-3, pitches), mask=np.arange(20) == 7)
+    verdict = tp.judge(pitches, spoiled, target=1.5e-3, uncertainty=0.1e-6)
+    assert (verdict.cause, verdict.evidence.turns) == ("control", 19)

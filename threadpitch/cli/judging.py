@@ -63,6 +63,7 @@ class Findings:
 
 # The last group of the log as a recording, for where in the control its fluctuation comes from
 Recording: TypeAlias = Callable[[], ControlTrace]
+_SAME_LEAD = 0.02  # part of the lead by which the target may be another and mean this thread
 
 
 def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged, recording: Recording) -> Findings:
@@ -122,7 +123,11 @@ def _verdict(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], 
 
 def _target(thread: Thread | None, asked: Judged) -> float | None:
     if asked.target_mm is not None:
-        return to_si(asked.target_mm, "mm")
+        target = to_si(asked.target_mm, "mm")
+        if thread is not None and abs(target - thread.lead) > _SAME_LEAD * thread.lead:
+            fail(f"the target is {asked.target_mm:g} mm and the lead of {thread.designation} is "
+                 f"{from_si(thread.lead, 'mm'):.6g} mm; leave --target out, or write the thread that was cut")
+        return target
     return None if thread is None else thread.lead
 
 

@@ -32,6 +32,8 @@ MOST_OFFSETS = 40  # ways to lay tables of different lengths over one another
 NEAR_OFFSETS = 8.0  # cost by which another place may fit worse and still be the right one
 SHIFTS = (-2, -1, 1, 2)  # turns by which tables of one length may be out of step
 _SHIFT_WORTH = 0.5  # part of the squares of measured less nominal pitch that a shift must leave at most to be tried
+_NO_FLUCTUATION = 0.4  # of the target: the pitches' median is that far off where the unit or the thread is another
+_COARSEST = 0.1  # of the target: uncertainty above which no thread is judged
 OUT_OF_STEP = 20.0  # cost that a shift saves where the tables are numbered differently
 
 
@@ -74,8 +76,10 @@ def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
     question = _question(target, uncertainty, screw_lead)
     rows = _rows(nominal, measured)
     question = replace(question, parts=len(rows))
+    for row in rows:
+        _plausible(row, question)
     verdicts = [_judge_row(row, question) for row in rows]
-    seen = drunkenness(nominal, target) if isinstance(nominal, PitchTable) else None
+    seen = drunkenness(nominal, target, _judged(verdicts)) if isinstance(nominal, PitchTable) else None
     shown = measured_drunkenness([row.measured for row in rows], target)
     verdicts = [replace(one, evidence=replace(one.evidence, within_turn=seen, measured_within_turn=shown))
                 for one in verdicts]
@@ -93,6 +97,29 @@ def _question(target: float, uncertainty: float | None, screw_lead: float | None
         if value is not None and not 0.0 < value < 1.0:
             raise JudgementError(f"{name} is {value:g} m; give a positive length in m")
     return _Question(target, uncertainty, None if screw_lead is None else target / screw_lead)
+
+
+def _judged(verdicts: list[Verdict]) -> tuple[int, int] | None:
+    """First and last turn that any row judged."""
+    spans = [one.evidence.span for one in verdicts if np.isfinite(one.evidence.span).all()]
+    return (int(min(first for first, _ in spans)), int(max(last for _, last in spans))) if spans else None
+
+
+def _plausible(row: _Row, question: _Question) -> None:
+    """A wrong unit, the other sign or another thread is no fluctuation."""
+    for name, values in (("nominal", row.nominal.pitch), ("measured", row.measured.pitch)):
+        if np.isnan(values).all():
+            raise JudgementError(f"there are no {name} pitches but missing ones; give those of {FEWEST_TURNS} turns")
+        middle = float(np.nanmedian(values))
+        if abs(middle - question.target) > _NO_FLUCTUATION * question.target:
+            raise JudgementError(f"the {name} pitches are {middle:.4g} m in their middle and the target is "
+                                 f"{question.target:.4g} m; give both in m, positive in the direction of the cut, the "
+                                 "target as movement per revolution (the lead)")
+    uncertainty = question.uncertainty if row.measured.uncertainty is None else float(row.measured.uncertainty.max())
+    if uncertainty is not None and uncertainty > _COARSEST * question.target:
+        raise JudgementError(f"the uncertainty of {uncertainty:.4g} m is more than a tenth of the target of "
+                             f"{question.target:.4g} m, which shows no fluctuation; give the standard uncertainty of "
+                             "one pitch in m")
 
 
 def _rows(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread | Sequence[MeasuredThread]) -> \
@@ -123,7 +150,7 @@ def _row_of(nominal: ArrayLike | PitchTable, measured: MeasuredThread) -> _Row:
 
 def _two_dimensional(values: object, name: str) -> FloatArray:
     try:
-        array = np.atleast_2d(np.array(values, dtype=np.float64))
+        array = np.atleast_2d(np.ma.filled(np.ma.array(values, dtype=np.float64), np.nan))  # masked is missing
     except (TypeError, ValueError):
         raise JudgementError(f"{name} pitches are no array of numbers; give (turns,) in m, NaN where one is missing") \
             from None

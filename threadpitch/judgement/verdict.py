@@ -32,12 +32,13 @@ class Part:
         if self.period is not None:
             return f"{self.kind}, amplitude {size}, period {self.period:.3g} turns"
         if self.decay is not None:
-            return f"{self.kind} effect of {size}, gone after {3.0 * self.decay:.2g} turns"
+            return f"an effect of the {self.kind}, {size}, gone after {3.0 * self.decay:.2g} turns"
         if self.kind == "progressive":
             return f"progressive, {size} per turn"
+        named = f"{'an' if self.kind == 'event' else 'a'} {self.kind}"
         if self.first_turn == self.last_turn:
-            return f"{self.kind} of {size} at turn {self.first_turn:g}"
-        return f"{self.kind} of {size}, turns {self.first_turn:g} to {self.last_turn:g}"
+            return f"{named} of {size} at turn {self.first_turn:g}"
+        return f"{named} of {size}, turns {self.first_turn:g} to {self.last_turn:g}"
 
 
 @dataclass(frozen=True)

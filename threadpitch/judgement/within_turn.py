@@ -25,11 +25,17 @@ def within_turn(table: PitchTable, lead: float) -> FloatArray:
     return np.asarray(sense * moved - lead * (table.start_angles - table.start_angles[0])[:, np.newaxis] / TURN)
 
 
-def drunkenness(table: PitchTable, lead: float) -> float | None:
-    """Largest less least mean of w over the turns, m; None where the table has one start angle, or no crossings."""
+def drunkenness(table: PitchTable, lead: float, turns: tuple[int, int] | None = None) -> float | None:
+    """Largest less least mean of w over the turns, m; None where the table has one start angle, or no crossings.
+
+    Over all turns, or from the first to the last of ``turns``: what the start does before the metal is not in the
+    thread.
+    """
     if table.start_angles.size < 2:
         return None
     error = within_turn(table, lead)
+    if turns is not None:
+        error = error[:, turns[0] - 1:turns[1] + 1]
     known = ~np.isnan(error)
     if not known.any(axis=1).all():
         return None

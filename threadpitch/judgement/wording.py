@@ -12,8 +12,8 @@ _CONTROL_ADVICE = ("Adjust the control: look where the nominal pitches deviate (
                    "torque limit, start) and raise the position gain or the feedforward, steady the spindle's speed or "
                    "lengthen the approach.")
 _CHECKS = {
-    shapes.PROGRESSIVE: "Every pitch is off by the same: check the screw's lead compensation, its temperature, and the "
-                        "scale of the measurement.",
+    shapes.PROGRESSIVE: "Every pitch is off by the same: check the screw's lead compensation, its temperature, the "
+                        "spindle encoder's counts per turn (missed ones too), and the scale of the measurement.",
     shapes.DRIFT: "The pitch changes along the thread: check thermal growth and the screw's lead error table.",
     shapes.PERIODIC: "Something turns with this period: check screw, bearings, belt and gears for one that does.",
     shapes.SCREW: "It repeats with the turns of the ball screw: check its run-out, bearing and lead compensation.",

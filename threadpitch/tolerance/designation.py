@@ -22,9 +22,9 @@ _SMALLEST, _LARGEST = 0.99, 355.0  # mm, ranges of ISO 965-1
 _NUMBER = r"\d+(?:\.\d+)?"
 _METRIC = re.compile(
     rf"M\s*(?P<d>{_NUMBER})"
-    rf"(?:\s*[x×*]\s*(?:Ph\s*(?P<ph>{_NUMBER})\s*P\s*(?P<p>{_NUMBER})|(?P<lead>{_NUMBER})"
+    rf"(?:\s*[x×*]\s*(?:(?:Ph\s*)?(?P<ph>{_NUMBER})\s*P\s*(?P<p>{_NUMBER})|(?P<lead>{_NUMBER})"
     rf"(?:\s*\(\s*P\s*(?P<of>{_NUMBER})\s*\))?))?"
-    r"(?P<classes>\s*-\s*[^-]+)?(?P<group>\s*-\s*[SNL])?(?P<hand>\s*-?\s*LH)?", re.IGNORECASE)
+    r"(?P<classes>(?:\s*-\s*|\s+(?=\d))[^-]+)?(?P<group>\s*-\s*[SNL])?(?P<hand>\s*-?\s*LH)?", re.IGNORECASE)
 _CLASS = re.compile(r"([3-9])([a-hA-H])(?:([3-9])([a-hA-H]))?")
 _UNIFIED = re.compile(
     rf"(?:#?\s*(?P<screw>\d+)|(?P<inches>\d+\s+\d+/\d+|\d+/\d+|\d*\.\d+))\s*-\s*(?P<tpi>{_NUMBER})\s*"
@@ -73,7 +73,7 @@ def parse_thread(designation: str) -> Thread:
     Raises:
         ToleranceError: the designation cannot be read, or names what the standards do not have.
     """
-    text = designation.strip()
+    text = re.sub(r"(?<=\d),(?=\d)", ".", designation.strip())  # a decimal comma, as on German drawings
     metric = _METRIC.fullmatch(text)
     if metric:
         return _metric(text, metric)
