@@ -74,7 +74,8 @@ def test_the_nominal_pitches_have_their_tolerance_too(threadpitch: Command, log:
 @pytest.mark.parametrize(("options", "text"), [
     (("--measured", "measured.csv"), "give --target in mm, or --thread like M20x1.5-6g"),
     (("--thread", "Whitworth"), "no thread designation"),
-    (("--thread", "M20x3(P1.5)-6g", "--target", "1.5"), r"the target is 1.5 mm and the lead of M20x3\(P1.5\)-6g is 3 mm"),
+    (("--thread", "M20x3(P1.5)-6g", "--target", "1.5"),
+     r"the target is 1.5 mm and the lead of M20x3\(P1.5\)-6g is 3 mm"),
     (("--measured", "none.csv", "--target", "1.5"), "there is no such file"),
     (("--measured", "measured.csv", "--target", "-1.5"), "give a positive"),
     (("--thread", "M20x1.5-6g", "--limit", "0"), "give a limit from 0 to 1"),
