@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from threadpitch.cli.judging import Findings
 from threadpitch.cli.printing import remark
@@ -16,8 +17,11 @@ from threadpitch.pitch import GroupPitch, StreamedPitch
 from threadpitch.publish import Outlet, outlets, wait_until_taken
 from threadpitch.runs import Labels, LogTrace, RunEvents, log_run, simulation_run, simulation_trace
 from threadpitch.runs.events import Turn
-from threadpitch.store import NewEvent, NewRun, Store, open_store
+from threadpitch.store import NewEvent, NewRun, open_store
 from threadpitch.trace import Piece, Trace
+
+if TYPE_CHECKING:
+    from threadpitch.store import Store
 
 PATIENCE = 5.0  # s that a command waits at its end for those who listen
 STANDARD_INPUT = "standard input"

@@ -108,18 +108,22 @@ def _log_samples(run: StoredRun, group: StoredPass) -> tuple[Samples | None, tup
 def verdict_of(document: dict[str, object]) -> Verdict:
     """What ``verdict_document`` made, as a verdict again."""
     told = dict(document["evidence"])  # type: ignore[call-overload] # a mapping
-    lengths = {name: _metres(told[f"{name}_um"]) for name in ("fluctuation", "largest", "uncertainty",
-                                                               "nominal_jitter", "irregular")}
-    within_turn = None if told["within_turn_um"] is None else _metres(told["within_turn_um"])
     parts = tuple(Part(one["kind"], _metres(one["size_um"]), one["first_turn"], one["last_turn"], one["period_turns"],
                        one["decay_turns"]) for one in told["rest"])
     evidence = Evidence(
-        turns=told["turns"], offset=told["offset_turns"], gain=told["gain"], gain_interval=_pair(told["gain_interval"]),
-        correlation=told["correlation"], correlation_interval=_pair(told["correlation_interval"]),
-        permutation_p=told["permutation_p"], sign_agreement=told["sign_agreement"],
-        control_share=told["control_share"], rest=parts, within_turn=within_turn, costs=dict(told["costs"]), **lengths)
+        turns=told["turns"], offset=told["offset_turns"], fluctuation=_metres(told["fluctuation_um"]),
+        largest=_metres(told["largest_um"]), uncertainty=_metres(told["uncertainty_um"]), gain=told["gain"],
+        gain_interval=_pair(told["gain_interval"]), correlation=told["correlation"],
+        correlation_interval=_pair(told["correlation_interval"]), permutation_p=told["permutation_p"],
+        sign_agreement=told["sign_agreement"], control_share=told["control_share"],
+        nominal_jitter=_metres(told["nominal_jitter_um"]), rest=parts, irregular=_metres(told["irregular_um"]),
+        within_turn=None if told["within_turn_um"] is None else _metres(told["within_turn_um"]),
+        measured_within_turn=_both(told["measured_within_turn_um"]),
+        span=(_number(told["first_turn"]), _number(told["last_turn"])), movement=_metres(told["movement_um"]),
+        detectable=_metres(told["detectable_um"]), costs=dict(told["costs"]))
+    rows: Sequence[dict[str, object]] = document["rows"]  # type: ignore[assignment] # a list
     return Verdict(str(document["cause"]), str(document["sentence"]), tuple(document["advice"]),  # type: ignore[arg-type] # lists
-                   evidence, tuple(document["notes"]))  # type: ignore[arg-type] # a list
+                   evidence, tuple(document["notes"]), tuple(verdict_of(row) for row in rows))  # type: ignore[arg-type] # a list
 
 
 def _metres(length_um: float | None) -> float:
@@ -128,3 +132,11 @@ def _metres(length_um: float | None) -> float:
 
 def _pair(interval: list[float] | None) -> tuple[float, float] | None:
     return None if interval is None else (interval[0], interval[1])
+
+
+def _both(lengths_um: list[float | None] | None) -> tuple[float, float] | None:
+    return None if lengths_um is None else (_metres(lengths_um[0]), _metres(lengths_um[1]))
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value

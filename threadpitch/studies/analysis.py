@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are loaded when they are used
 from numpy.typing import NDArray
-from scipy import stats
 
 from threadpitch.studies.definition import Study
 from threadpitch.studies.design import DRAWN, GRID, ONE_AT_A_TIME, SENSITIVITY
@@ -91,7 +91,7 @@ def analyze(study: Study, columns: Columns) -> Analysis:
 
 def clopper_pearson(good: int, count: int, confidence: float = CONFIDENCE) -> Interval:
     """k of n with the exact interval of a proportion: P(X >= k | low) = P(X <= k | high) = (1 - confidence) / 2."""
-    found = stats.binomtest(good, count).proportion_ci(confidence, "exact")
+    found = scipy.stats.binomtest(good, count).proportion_ci(confidence, "exact")
     return Interval(good / count, float(found.low), float(found.high))
 
 
@@ -139,7 +139,7 @@ def _response(study: Study, outcome: str, name: str, columns: Columns, which: ND
         # epsilon squared: groups drawn at random differ in their means even where the parameter does nothing
         share = max(0.0, 1.0 - (1.0 - share) * (results.size - 1) / (results.size - len(groups)))
     varies = ordered and whole > 0.0 and len(set(values)) > 1
-    rank = float(stats.spearmanr(values, results).statistic) if varies else math.nan
+    rank = float(scipy.stats.spearmanr(values, results).statistic) if varies else math.nan
     return Response(outcome, name, tuple(places), mean, spread, share, rank)
 
 
@@ -155,7 +155,7 @@ def _all_indices(study: Study, columns: Columns) -> Iterable[Indices]:
         both = values[:2 * count] - values[:2 * count].mean()  # without their mean, estimates scatter less
         rows = np.vstack([both.reshape(2, count), values[2 * count:].reshape(width, count) - values[:2 * count].mean()])
         # not by scipy's own bootstrap of indices: it draws without a seed, and every look would tell another interval
-        spread = stats.bootstrap((np.arange(count),), lambda chosen, rows=rows: _saltelli(rows[:, chosen]),
+        spread = scipy.stats.bootstrap((np.arange(count),), lambda chosen, rows=rows: _saltelli(rows[:, chosen]),
                                  confidence_level=CONFIDENCE, n_resamples=_RESAMPLES, method="percentile",
                                  vectorized=False, rng=np.random.default_rng(study.design.seed)).confidence_interval
         found = _saltelli(rows)
