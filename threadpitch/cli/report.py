@@ -59,7 +59,7 @@ def report(
         show_default="of --thread, else the median")] = None,
     uncertainty: Annotated[float | None, typer.Option(
         metavar="UM", parser=number, help="Standard uncertainty of one measured pitch.",
-        show_default="of a simulated groove 0.1")] = None,
+        show_default="a run keeps its verdict")] = None,
     ball_screw: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Lead of the feed's ball screw.", show_default="--screw-lead")] = None,
     thread: Annotated[str | None, typer.Option(
