@@ -34,7 +34,7 @@ _FLANKS = {"negative_z": 1, "positive_z": 2}
 _EXPONENTIAL = 0  # a value of the controller's start_mode
 _BALL_SCREW = 1  # of the drive's drive_type
 _AT_THE_LIMIT = 0.999
-_WORTH = 0.3  # of the uncertainty: the control is not explained where it does less
+_WORTH = 1.0  # of the uncertainty: the control is not explained where it does less
 _CUTS = 0.5  # of the turns in the metal in which a pass must take a chip off a flank to have left it
 
 
