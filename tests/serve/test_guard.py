@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
@@ -30,7 +31,8 @@ class Client:
             async with httpx.AsyncClient(transport=transport, base_url=BASE, cookies=self.cookies) as client:
                 return await client.request(method, path, **words)
 
-        return asyncio.run(asked())
+        with ThreadPoolExecutor(1) as thread:  # the browser of other tests keeps an event loop in this one
+            return thread.submit(asyncio.run, asked()).result()
 
     def get(self, path: str, **words: Any) -> httpx.Response:
         return self.request("GET", path, **words)

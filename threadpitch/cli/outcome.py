@@ -123,9 +123,10 @@ def _show(done: Done, stored: dict[str, object]) -> None:
         console.print(simulation.why_no_turn())
     if done.found is not None:
         heading, *lines = diagnosis_lines(done.found)
-        console.print(Text(heading, style="bold"))
+        whole = not console.is_terminal  # lines of a pipe are not broken
+        console.print(Text(heading, style="bold"), soft_wrap=whole)
         for line in (*lines, ""):
-            console.print(Text(line))
+            console.print(Text(line), soft_wrap=whole)
     result = simulation.result
     for time, variable, direction in result.events[:_MOST_EVENTS]:
         print(f"event: {printable(variable)} {direction} at t = {time:.9g} s")
