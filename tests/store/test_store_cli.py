@@ -102,7 +102,10 @@ def test_note_delete_verify(kept: Path, threadpitch: Command) -> None:
     assert broken.status == 2
     document = json.loads(broken.out)
     assert (document["removed"], [one["kind"] for one in document["findings"]]) == (1, ["missing"])
-    assert_one_line(threadpitch("store", "show", 2, "--store", "runs.db").err, "run 2 is not in the store")
+    for number in (2, 2**63):
+        for command in (("show", number), ("note", number, "x"), ("delete", number)):
+            done = threadpitch("store", *command, "--store", "runs.db")
+            assert_one_line(done.err, f"run {number} is not in the store")
 
 
 def test_a_simulation_and_measured_pitches_are_kept(workplace: Path, threadpitch: Command) -> None:
@@ -118,6 +121,7 @@ def test_a_simulation_and_measured_pitches_are_kept(workplace: Path, threadpitch
     assert {one.calculator for one in simulated.passes} == {"nominal_pitch", "actual_pitch"}
     assert simulated.summary.series[0].effective is not None
     assert simulated.passes[0].target == 1.5e-3
+    assert simulated.summary.cause == json.loads(ran.out)["verdict"]["cause"]
     assert simulated.provenance["components"]["spindle"]["sha256"]
     assert simulated.trace is not None
     assert "nominal_pitch.pitch[1]" in pyarrow.parquet.read_schema(simulated.trace).names

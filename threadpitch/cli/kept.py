@@ -10,6 +10,7 @@ from pathlib import Path
 
 from threadpitch.cli.judging import Findings
 from threadpitch.cli.printing import remark
+from threadpitch.judgement import Verdict
 from threadpitch.lathe import Simulation
 from threadpitch.live_turns import LiveTurn
 from threadpitch.pitch import GroupPitch, StreamedPitch
@@ -75,10 +76,10 @@ class Keeper:
                                    verdict=found.verdict, options=options,
                                    trace=None if self._trace is None else self.trace))
 
-    def finish_simulation(self, simulation: Simulation) -> dict[str, object]:
-        """The simulation came to its end."""
+    def finish_simulation(self, simulation: Simulation, verdict: Verdict | None) -> dict[str, object]:
+        """The simulation came to its end, and was judged where it could be."""
         simulation_trace(simulation, self.trace)
-        return self.finish(simulation_run(simulation, self.events, trace=self.trace))
+        return self.finish(simulation_run(simulation, self.events, verdict=verdict, trace=self.trace))
 
     def finish(self, run: NewRun) -> dict[str, object]:
         """The run is complete: kept, with all revolutions that have not been told; where, as JSON."""
