@@ -45,6 +45,12 @@ def test_list_finds_and_shows_names_as_text(kept: Path, threadpitch: Command) ->
         assert len(found["runs"]) == count, option
 
 
+def test_a_store_of_any_name_is_the_one_that_is_listed(kept: Path, threadpitch: Command) -> None:
+    kept.rename("archive")
+    assert "2 of 2 runs in" in threadpitch("store", "list", "--store", "archive").out
+    assert_one_line(threadpitch("store", "list", "--store", kept.parent).err, "is a folder")
+
+
 def test_the_trace_is_the_log(kept: Path) -> None:
     (first, *_) = read_groups(LOG, ColumnChoice())
     with open_store(str(kept)) as store:

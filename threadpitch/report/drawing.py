@@ -107,6 +107,10 @@ class Plot:
         known = values[~np.isnan(values)]
         self._seen.append(known[usual(known)])
 
+    def see_all(self, values: FloatArray) -> None:
+        """Values that are in the range however far outside they are."""
+        self._levels.extend(values[~np.isnan(values)].tolist())
+
     def chart(self, words: Words) -> Chart:
         """What was drawn, or that there was nothing to draw."""
         if not self._legend:
