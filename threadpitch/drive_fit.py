@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import scipy  # its parts are loaded when they are used
 from numpy.typing import ArrayLike, NDArray
-from scipy import optimize, signal
 
 from threadpitch.trace import ColumnChoice, read_pieces
 
@@ -111,8 +111,8 @@ def follow(command: FloatArray, first: FloatArray, values: Mapping[str, float], 
     pull, ahead = (1.0 - keep) * values["gain"] * period, (1.0 - keep) * values["feedforward"]
     forward = np.array([0.0, pull + ahead, -ahead])
     back = np.array([1.0, -(1.0 + keep - pull), keep])
-    state = signal.lfiltic(forward, back, first[::-1], command[1::-1])
-    rest, _ = signal.lfilter(forward, back, command[2:], zi=state)
+    state = scipy.signal.lfiltic(forward, back, first[::-1], command[1::-1])
+    rest, _ = scipy.signal.lfilter(forward, back, command[2:], zi=state)
     return np.concatenate([first, rest])
 
 
@@ -164,7 +164,7 @@ def _beginnings(recording: _Recording) -> list[float]:
 
 
 def _search(recording: _Recording, free: Sequence[str], fixed: Mapping[str, float],
-            gain: float) -> optimize.OptimizeResult:
+            gain: float) -> scipy.optimize.OptimizeResult:
     """Least squares from one beginning of the gain."""
     begin = {"gain": gain, "lag": 3.0 * recording.period, "feedforward": 0.0}
     bounds = {"gain": (0.0, _FASTEST / recording.period), "lag": (0.0, float(np.ptp(recording.time))),
@@ -178,7 +178,7 @@ def _search(recording: _Recording, free: Sequence[str], fixed: Mapping[str, floa
         return np.nan_to_num(found, nan=1e6, posinf=1e6, neginf=-1e6)  # an unstable loop is far away from all
 
     low, high = ([bounds[name][end] for name in free] for end in (0, 1))
-    return optimize.least_squares(
+    return scipy.optimize.least_squares(
         residuals, [begin[name] for name in free], bounds=(low, high),
         x_scale=[scale[name] for name in free], jac="3-point", xtol=1e-12, ftol=1e-12, gtol=1e-12)
 

@@ -33,6 +33,7 @@ from threadpitch.cosim.recording import Recorder
 from threadpitch.cosim.result import Result
 from threadpitch.cosim.selection import choose_channels
 from threadpitch.cosim.simulation import choose_schedule, instantiate
+from threadpitch.passes import CONTROLLER
 
 Array = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ TURN = 2.0 * math.pi
 RECORD = [f"{calculator}.{variable}" for calculator in (lathe.NOMINAL, lathe.ACTUAL)
           for variable in ("direction", "pitch_target", "start_angle*", "completed*", "crossing_position*",
                            "threading")]
-RECORD += [f"{lathe.CONTROLLER}.{variable}" for variable in (
+RECORD += [f"{CONTROLLER}.{variable}" for variable in (
     "z_face", "z_start", "z_end", "pass_kind", "cut_depth", "start_angle", "start_number", "lead", "starts")]
 
 

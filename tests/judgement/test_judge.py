@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import threadpitch as tp
 from tests.benchmarks.drawn_threads import drawn
-from threadpitch.judgement import JudgementError, MeasuredThread, Verdict, verdict_document
+from threadpitch.judgement import JudgementError, MeasuredThread, Verdict, read_verdict, verdict_document
 from threadpitch.pitch import PitchTable
 
 Array = NDArray[np.float64]
@@ -174,6 +174,12 @@ def test_the_document_is_json() -> None:
     assert document["cause"] == "both"
     assert document["evidence"]["rest"][0]["size_um"] == pytest.approx(8.0, abs=1.0)
     assert document["evidence"]["within_turn_um"] is None
+
+
+def test_a_verdict_is_read_from_its_document() -> None:
+    for measured in (TARGET + DIP + WAVE + noise(12), QUIET + noise(3)):
+        document = json.loads(json.dumps(verdict_document(judged(TARGET + DIP, measured)), allow_nan=False))
+        assert verdict_document(read_verdict(document)) == document
 
 
 def test_uncertainties_of_the_measured_thread_win() -> None:

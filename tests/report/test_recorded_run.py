@@ -13,6 +13,7 @@ import pytest
 
 from tests.report.made import samples_of
 from threadpitch import lathe
+from threadpitch.diagnosis import diagnose, diagnosis_document
 from threadpitch.report.columns import read_columns
 from threadpitch.report.content import ReportError
 from threadpitch.report.recorded_run import read_run
@@ -45,6 +46,26 @@ def test_the_recordings_give_the_pitches_of_the_table(run_folder: Path, short_ru
     speed = samples_of(thread).speed
     assert speed is not None
     assert speed.mean() == pytest.approx(500.0 * 2.0 * np.pi / 60.0, rel=0.01)
+
+
+def test_the_verdict_is_that_of_the_run(copy: Path, short_run: lathe.Simulation) -> None:
+    found = diagnose(short_run)
+    assert found is not None
+    result = copy / "result.json"
+    told = diagnosis_document(found) | {"control": {"sentences": ["60 %: the spindle drops", "40 %: the feed lags"]}}
+    document = json.loads(result.read_text()) | {"verdict": told}
+    result.write_text(json.dumps(document))
+    (thread,) = read_run(copy)
+    assert thread.verdict is not None
+    assert thread.verdict.sentence == found.verdict.sentence
+    assert thread.notes[-2:] == ("Where in the control: 60 %: the spindle drops",
+                                 "Where in the control: 40 %: the feed lags")
+    (other,) = read_run(copy, uncertainty=20e-6)
+    assert other.verdict is not None
+    assert other.verdict.evidence.uncertainty == 20e-6
+    result.write_text(json.dumps(document | {"verdict": {"pass": 1}}))
+    with pytest.raises(ReportError, match=r"result.json: the verdict is damaged"):
+        read_run(copy)
 
 
 def test_results_in_parquet_and_csv_are_read_alike(copy: Path) -> None:

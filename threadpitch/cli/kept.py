@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from threadpitch.cli.judging import Findings
 from threadpitch.cli.printing import remark
@@ -17,8 +18,11 @@ from threadpitch.pitch import GroupPitch, StreamedPitch
 from threadpitch.publish import Outlet, outlets, wait_until_taken
 from threadpitch.runs import Labels, LogTrace, RunEvents, log_run, simulation_run, simulation_trace
 from threadpitch.runs.events import Turn
-from threadpitch.store import NewEvent, NewRun, Store, open_store
+from threadpitch.store import NewEvent, NewRun, open_store
 from threadpitch.trace import Piece, Trace
+
+if TYPE_CHECKING:
+    from threadpitch.store import Store
 
 PATIENCE = 5.0  # s that a command waits at its end for those who listen
 STANDARD_INPUT = "standard input"
@@ -77,7 +81,7 @@ class Keeper:
                                    trace=None if self._trace is None else self.trace))
 
     def finish_simulation(self, simulation: Simulation, verdict: Verdict | None) -> dict[str, object]:
-        """The simulation came to its end, and was judged where it could be."""
+        """The simulation came to its end, and is judged."""
         simulation_trace(simulation, self.trace)
         return self.finish(simulation_run(simulation, self.events, verdict=verdict, trace=self.trace))
 

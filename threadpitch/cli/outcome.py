@@ -34,7 +34,7 @@ class Done:
 
     @property
     def verdict(self) -> Verdict | None:
-        """Where the fluctuation comes from; None where it was not judged."""
+        """Where its pitch's fluctuation comes from."""
         return None if self.found is None else self.found.verdict
 
 

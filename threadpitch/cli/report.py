@@ -59,7 +59,7 @@ def report(
         show_default="of --thread, else the median")] = None,
     uncertainty: Annotated[float | None, typer.Option(
         metavar="UM", parser=number, help="Standard uncertainty of one measured pitch.",
-        show_default="of a simulated groove 0.1")] = None,
+        show_default="a run keeps its verdict")] = None,
     ball_screw: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Lead of the feed's ball screw.", show_default="--screw-lead")] = None,
     thread: Annotated[str | None, typer.Option(
@@ -77,7 +77,7 @@ def report(
     if uncertainty is not None and uncertainty <= 0.0:
         fail(f"uncertainty {uncertainty:g} um is not positive; give the standard uncertainty of one pitch, like 1")
     if measured is not None and all(path.is_dir() for path in inputs):
-        fail("--measured belongs to a log; of a run its own groove is judged: leave it out, or measure the thread by "
+        fail("--measured belongs to a log; a run keeps its own verdict: leave it out, or measure the thread by "
              "threadpitch run --measure")
     choice = of_log.choice()
     signals = of_log.signals(latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
@@ -108,7 +108,7 @@ def report(
             if one.verdict is not None:
                 console.print(verdict_line(one.verdict.cause, printable(one.verdict.sentence)))
             for note in one.notes:
-                console.print(Text(printable(f"note: {note}")))
+                console.print(Text(printable(note)))
         print(f"saved in {output}")
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
-from threadpitch.units import from_si
+from threadpitch.units import from_si, to_si
 
 
 class JudgementError(ValueError):
@@ -136,3 +138,44 @@ def _pair(interval: tuple[float, float] | None) -> list[float] | None:
 
 def _um(length: float) -> float | None:
     return None if math.isnan(length) else round(from_si(length, "um"), 6)
+
+
+def read_verdict(document: Mapping[str, Any]) -> Verdict:
+    """What ``verdict_document`` made, as a verdict again.
+
+    Raises:
+        KeyError: the document lacks something.
+        TypeError: it holds something else.
+    """
+    told: Mapping[str, Any] = document["evidence"]
+    parts = tuple(Part(one["kind"], _metres(one["size_um"]), one["first_turn"], one["last_turn"], one["period_turns"],
+                       one["decay_turns"]) for one in told["rest"])
+    evidence = Evidence(
+        turns=told["turns"], offset=told["offset_turns"], fluctuation=_metres(told["fluctuation_um"]),
+        largest=_metres(told["largest_um"]), uncertainty=_metres(told["uncertainty_um"]), gain=told["gain"],
+        gain_interval=_interval(told["gain_interval"]), correlation=told["correlation"],
+        correlation_interval=_interval(told["correlation_interval"]), permutation_p=told["permutation_p"],
+        sign_agreement=told["sign_agreement"], control_share=told["control_share"],
+        nominal_jitter=_metres(told["nominal_jitter_um"]), rest=parts, irregular=_metres(told["irregular_um"]),
+        within_turn=None if told["within_turn_um"] is None else _metres(told["within_turn_um"]),
+        measured_within_turn=_both(told["measured_within_turn_um"]),
+        span=(_number(told["first_turn"]), _number(told["last_turn"])), movement=_metres(told["movement_um"]),
+        detectable=_metres(told["detectable_um"]), costs=dict(told["costs"]))
+    return Verdict(document["cause"], document["sentence"], tuple(document["advice"]), evidence,
+                   tuple(document["notes"]), tuple(read_verdict(row) for row in document["rows"]))
+
+
+def _metres(length_um: float | None) -> float:
+    return math.nan if length_um is None else to_si(length_um, "um")
+
+
+def _interval(ends: Sequence[float] | None) -> tuple[float, float] | None:
+    return None if ends is None else (ends[0], ends[1])
+
+
+def _both(lengths_um: Sequence[float | None] | None) -> tuple[float, float] | None:
+    return None if lengths_um is None else (_metres(lengths_um[0]), _metres(lengths_um[1]))
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value

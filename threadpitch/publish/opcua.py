@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 from threadpitch.publish.address import Receiver
 from threadpitch.publish.errors import PublishError
-from threadpitch.store import Store, StoreError
+from threadpitch.store import StoreError
 
 if TYPE_CHECKING:
     from asyncua import Server
+
+    from threadpitch.store import Store
 
 LOOK = 0.2  # s between two looks for new events
 PATIENCE = 30.0  # s for the server to start

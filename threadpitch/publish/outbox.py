@@ -6,9 +6,12 @@ gets every value once, in order, whatever fails on the way.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from threadpitch.store import Event, Store
+from threadpitch.store import Event
+
+if TYPE_CHECKING:
+    from threadpitch.store import Store
 
 AT_ONCE = 200  # events
 

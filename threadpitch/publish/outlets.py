@@ -5,13 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from threadpitch.publish.address import Receiver, read_receiver
 from threadpitch.publish.mqtt import MqttSender
 from threadpitch.publish.opcua import OpcUaServer
 from threadpitch.publish.outbox import Outbox
-from threadpitch.store import Store
+
+if TYPE_CHECKING:
+    from threadpitch.store import Store
 
 
 class Outlet(Protocol):

@@ -16,8 +16,6 @@ from threadpitch.sparkline import usual
 from threadpitch.tolerance import PitchConformity
 from threadpitch.trace import TURN, FloatArray
 
-EXACT = 1e-7  # m, standard uncertainty that is taken for the pitches of a simulated groove, which are exact
-
 
 class ReportError(ValueError):
     """A report cannot be made: what is wrong with its input, where, and how to mend it."""

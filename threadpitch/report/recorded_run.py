@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from threadpitch.judgement import MeasuredThread
+from threadpitch.diagnosis import UNCERTAINTY
+from threadpitch.judgement import MeasuredThread, read_verdict
 from threadpitch.pitch import statistics
-from threadpitch.report.content import EXACT, PassOverview, ReportError, Thread, judged, laid_over
+from threadpitch.report.content import PassOverview, ReportError, Thread, judged, laid_over
 from threadpitch.report.pitch_file import CalculatedPass, read_pitches
 from threadpitch.report.run_recording import Recording
 from threadpitch.run_folder import METADATA
@@ -26,8 +28,26 @@ _SCREW = "z_drive.screw_lead"
 class _Folder:
     path: Path
     passes: list[CalculatedPass]
-    told: dict[int, Mapping[str, Any]]  # by the pass's number, out of result.json
+    result: Mapping[str, Any]  # result.json
     metadata: Mapping[str, Any]
+
+    @functools.cached_property
+    def told(self) -> dict[int, Mapping[str, Any]]:
+        """What the run says of its passes, by their numbers."""
+        passes = self.result.get("passes")
+        return {one["pass"]: one for one in passes if isinstance(one, dict) and isinstance(one.get("pass"), int)} \
+            if isinstance(passes, list) else {}
+
+    def judged(self, thread: Thread, number: int) -> Thread:
+        """With the verdict that the run printed, and what it said of the control; where it judged this pass."""
+        verdict = self.result.get("verdict")
+        if not isinstance(verdict, dict) or verdict.get("pass") != number:
+            return thread
+        try:
+            control = tuple(f"Where in the control: {sentence}" for sentence in verdict["control"].get("sentences", ()))
+            return replace(thread, verdict=read_verdict(verdict), notes=(*thread.notes, *control))
+        except (KeyError, TypeError, AttributeError, IndexError) as error:
+            raise ReportError(f"{self.path / 'result.json'}: the verdict is damaged ({error}); run again") from None
 
     def recordings(self) -> dict[str, Recording]:
         results = self.metadata.get("results")
@@ -42,22 +62,25 @@ class _Folder:
 def read_run(path: Path, chosen: str | None = None, uncertainty: float | None = None) -> list[Thread]:
     """The threads of a run: of every start the pass that makes the final flank, or the pass that is ``chosen``.
 
-    ``uncertainty`` is the standard one of the actual pitches, m; by default that of a groove that is known exactly.
+    ``uncertainty`` is the standard one of the actual pitches, m; by default the verdict is that of the run.
 
     Raises:
         ReportError: the folder holds no run, a file in it is damaged, or there is no such pass.
     """
     if not (path / "pitch.csv").is_file():
         raise ReportError(f"{path}: is a folder without pitch.csv; give the folder of a run, or a log")
-    folder = _Folder(path, read_pitches(path / "pitch.csv"), _read_told(path / "result.json"),
-                     _read_json(path / METADATA) if (path / METADATA).is_file() else {})
+    folder = _Folder(path, read_pitches(path / "pitch.csv"), _read_json(path / "result.json"),
+                     _read_json(path / METADATA))
     nominal = folder.seen_by(folder.passes[0].calculator)
     wanted = [one for one in nominal if _is_wanted(one, folder, chosen)]
     if not wanted and chosen is not None:
         raise ReportError(f"{path}: there is no pass {chosen}; the passes are "
                           f"{', '.join(str(one.number) for one in nominal)}")
     run = RecordedRun(folder.metadata, folder.passes, folder.recordings())
-    return [run.thread(_described(folder, one), one, uncertainty) for one in wanted or nominal[-1:]]
+    threads = {one.number: run.thread(_described(folder, one), one, uncertainty) for one in wanted or nominal[-1:]}
+    if uncertainty is not None:
+        return list(threads.values())
+    return [folder.judged(thread, number) for number, thread in threads.items()]
 
 
 def _is_wanted(one: CalculatedPass, folder: _Folder, chosen: str | None) -> bool:
@@ -100,7 +123,7 @@ class RecordedRun:
                          for found in laid_over(one.table, groove))
         thread = replace(thread, measured=measured, groove=self.recordings[actual.calculator].samples(actual)[0])
         return judged(thread, np.where(thread.chosen, one.table.pitch, np.nan), _of_shape(pitch, one.table.pitch.shape),
-                      EXACT if uncertainty is None else uncertainty)
+                      UNCERTAINTY if uncertainty is None else uncertainty)
 
 
 def _of_shape(pitch: FloatArray, shape: tuple[int, ...]) -> FloatArray:
@@ -145,13 +168,9 @@ def _items(value: Any) -> list[tuple[str, Any]]:
     return list(value.items()) if isinstance(value, Mapping) else []
 
 
-def _read_told(path: Path) -> dict[int, Mapping[str, Any]]:
-    passes = _read_json(path).get("passes") if path.is_file() else None
-    return {one["pass"]: one for one in passes if isinstance(one, dict) and isinstance(one.get("pass"), int)} \
-        if isinstance(passes, list) else {}
-
-
 def _read_json(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        return {}
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, OSError) as error:

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from threadpitch.judgement import Evidence, Verdict
-from threadpitch.judgement.verdict import Part
+from threadpitch.judgement import read_verdict
 from threadpitch.report.columns import read_columns
 from threadpitch.report.content import Measured, PassOverview, ReportError, Samples, Thread, thread_proper
 from threadpitch.report.pitch_file import CalculatedPass
@@ -17,7 +16,6 @@ from threadpitch.report.recorded_run import RecordedRun, pass_overview, run_prov
 from threadpitch.report.run_recording import Recording
 from threadpitch.store import StoredPass, StoredRun
 from threadpitch.trace import Trace, TraceError
-from threadpitch.units import to_si
 
 _MEASURED = "measured"  # calculator of a pass that was measured
 _TEXTS = ("machine", "program", "thread", "serial_number", "note", "source")
@@ -60,7 +58,7 @@ def _of_simulation(run: StoredRun) -> list[Thread]:
             thread = RecordedRun(run.provenance, passes, recordings).thread(described, one)
         else:
             thread = replace(described, notes=("No recording: the store holds no trace of this run",))
-        found.append(thread if run.verdict is None else replace(thread, verdict=verdict_of(dict(run.verdict))))
+        found.append(thread if run.verdict is None else replace(thread, verdict=read_verdict(dict(run.verdict))))
     return found
 
 
@@ -81,7 +79,7 @@ def _of_log(run: StoredRun) -> Thread:
                               np.asarray(np.flatnonzero(~np.isnan(row)) + 1.0, dtype=np.float64), row[~np.isnan(row)])
                      for one in run.passes if one.calculator == _MEASURED for row in one.table.pitch)
     return Thread(f"{run_name(run)}, group {last.label}", last.table, target, chosen, measured=measured,
-                  verdict=None if run.verdict is None else verdict_of(dict(run.verdict)), samples=samples,
+                  verdict=None if run.verdict is None else read_verdict(dict(run.verdict)), samples=samples,
                   others=_groups(groups), notes=(*last.table.notes, *notes),
                   provenance=tuple(run_provenance(run.provenance)))
 
@@ -103,28 +101,3 @@ def _log_samples(run: StoredRun, group: StoredPass) -> tuple[Samples | None, tup
     except (ReportError, TraceError, OSError, KeyError) as error:
         return None, (f"No recording: {error}",)
     return trace_samples(trace, group.table), ()
-
-
-def verdict_of(document: dict[str, object]) -> Verdict:
-    """What ``verdict_document`` made, as a verdict again."""
-    told = dict(document["evidence"])  # type: ignore[call-overload] # a mapping
-    lengths = {name: _metres(told[f"{name}_um"]) for name in ("fluctuation", "largest", "uncertainty",
-                                                               "nominal_jitter", "irregular")}
-    within_turn = None if told["within_turn_um"] is None else _metres(told["within_turn_um"])
-    parts = tuple(Part(one["kind"], _metres(one["size_um"]), one["first_turn"], one["last_turn"], one["period_turns"],
-                       one["decay_turns"]) for one in told["rest"])
-    evidence = Evidence(
-        turns=told["turns"], offset=told["offset_turns"], gain=told["gain"], gain_interval=_pair(told["gain_interval"]),
-        correlation=told["correlation"], correlation_interval=_pair(told["correlation_interval"]),
-        permutation_p=told["permutation_p"], sign_agreement=told["sign_agreement"],
-        control_share=told["control_share"], rest=parts, within_turn=within_turn, costs=dict(told["costs"]), **lengths)
-    return Verdict(str(document["cause"]), str(document["sentence"]), tuple(document["advice"]),  # type: ignore[arg-type] # lists
-                   evidence, tuple(document["notes"]))  # type: ignore[arg-type] # a list
-
-
-def _metres(length_um: float | None) -> float:
-    return float("nan") if length_um is None else to_si(length_um, "um")
-
-
-def _pair(interval: list[float] | None) -> tuple[float, float] | None:
-    return None if interval is None else (interval[0], interval[1])

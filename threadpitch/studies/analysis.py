@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are loaded when they are used
 from numpy.typing import NDArray
-from scipy import stats
 
 from threadpitch.studies.definition import Study
 from threadpitch.studies.design import DRAWN, GRID, ONE_AT_A_TIME, SENSITIVITY
@@ -91,7 +91,7 @@ def analyze(study: Study, columns: Columns) -> Analysis:
 
 def clopper_pearson(good: int, count: int, confidence: float = CONFIDENCE) -> Interval:
     """k of n with the exact interval of a proportion: P(X >= k | low) = P(X <= k | high) = (1 - confidence) / 2."""
-    found = stats.binomtest(good, count).proportion_ci(confidence, "exact")
+    found = scipy.stats.binomtest(good, count).proportion_ci(confidence, "exact")
     return Interval(good / count, float(found.low), float(found.high))
 
 
@@ -139,12 +139,12 @@ def _response(study: Study, outcome: str, name: str, columns: Columns, which: ND
         # epsilon squared: groups drawn at random differ in their means even where the parameter does nothing
         share = max(0.0, 1.0 - (1.0 - share) * (results.size - 1) / (results.size - len(groups)))
     varies = ordered and whole > 0.0 and len(set(values)) > 1
-    rank = float(stats.spearmanr(values, results).statistic) if varies else math.nan
+    rank = float(scipy.stats.spearmanr(values, results).statistic) if varies else math.nan
     return Response(outcome, name, tuple(places), mean, spread, share, rank)
 
 
 def _all_indices(study: Study, columns: Columns) -> Iterable[Indices]:
-    """Sobol indices of the outcomes of a Saltelli design that has all its rows (Saltelli 2010, by scipy)."""
+    """Sobol indices of the outcomes of a Saltelli design that has all its rows, with bootstrap intervals."""
     count, width = study.design.samples, len(study.parameters)
     if study.design.kind != SENSITIVITY or len(columns["status"]) != count * (width + 2):
         return
@@ -152,18 +152,27 @@ def _all_indices(study: Study, columns: Columns) -> Iterable[Indices]:
         values = _numbers(columns[name])
         if values is None or not np.isfinite(values).all() or np.ptp(values) == 0.0:
             continue
-        mixed = values[2 * count:].reshape(width, 1, count)
-        found = stats.sobol_indices(func={"f_A": values[None, :count], "f_B": values[None, count:2 * count],
-                                          "f_AB": mixed}, n=count)
-        spread = found.bootstrap(confidence_level=CONFIDENCE, n_resamples=_RESAMPLES)
-        first, total = (tuple(
-            Interval(float(np.ravel(value)[place]), float(np.ravel(low)[place]), float(np.ravel(high)[place]))
-            for place in range(width)) for value, low, high in (
-                (found.first_order, spread.first_order.confidence_interval.low,
-                 spread.first_order.confidence_interval.high),
-                (found.total_order, spread.total_order.confidence_interval.low,
-                 spread.total_order.confidence_interval.high)))
+        both = values[:2 * count] - values[:2 * count].mean()  # without their mean, estimates scatter less
+        rows = np.vstack([both.reshape(2, count), values[2 * count:].reshape(width, count) - values[:2 * count].mean()])
+        # not by scipy's own bootstrap of indices: it draws without a seed, and every look would tell another interval
+        spread = scipy.stats.bootstrap((np.arange(count),), lambda chosen, rows=rows: _saltelli(rows[:, chosen]),
+                                 confidence_level=CONFIDENCE, n_resamples=_RESAMPLES, method="percentile",
+                                 vectorized=False, rng=np.random.default_rng(study.design.seed)).confidence_interval
+        found = _saltelli(rows)
+        low, high = np.asarray(spread.low), np.asarray(spread.high)
+        first, total = (tuple(Interval(*(float(ends[order, place]) for ends in (found, low, high)))
+                              for place in range(width)) for order in (0, 1))
         yield Indices(name, tuple(one.name for one in study.parameters), first, total)
+
+
+def _saltelli(rows: FloatArray) -> FloatArray:
+    """S_i = mean(f_B (f_ABi - f_A)) / V, T_i = mean((f_A - f_ABi)^2) / (2 V) (Saltelli 2010, table 2, b and f).
+
+    ``rows`` (2 + parameters, samples) are f_A, f_B, then f_ABi; -> (2, parameters).
+    """
+    first, second, mixed = rows[0], rows[1], rows[2:]
+    variance = float(np.var(rows[:2]))
+    return np.stack([np.mean(second * (mixed - first), axis=1), 0.5 * np.mean((first - mixed) ** 2, axis=1)]) / variance
 
 
 def analysis_document(found: Analysis) -> dict[str, Any]:

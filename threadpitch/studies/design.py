@@ -8,9 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts are loaded when they are used
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
-from scipy.stats import qmc
 
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.parameter import Parameter
@@ -70,16 +69,16 @@ class Design:
     def shares(self, width: int) -> FloatArray:
         """Places between 0 and 1 at which the distributions are taken, (rows, width)."""
         if self.kind == SENSITIVITY:
-            both = qmc.Sobol(2 * width, rng=self._generator()).random(self.samples)
+            both = scipy.stats.qmc.Sobol(2 * width, rng=self._generator()).random(self.samples)
             first, second = both[:, :width], both[:, width:]
             mixed = np.repeat(first[None], width, axis=0)  # (width, samples, width)
             for i in range(width):
                 mixed[i, :, i] = second[:, i]
             found = np.concatenate([first, second, mixed.reshape(-1, width)])
         elif self.kind == SOBOL:
-            found = qmc.Sobol(width, rng=self._generator()).random(self.samples)
+            found = scipy.stats.qmc.Sobol(width, rng=self._generator()).random(self.samples)
         elif self.kind == LATIN_HYPERCUBE:
-            found = qmc.LatinHypercube(width, rng=self._generator()).random(self.samples)
+            found = scipy.stats.qmc.LatinHypercube(width, rng=self._generator()).random(self.samples)
         else:
             found = self._generator().random((self.samples, width))
         return np.clip(self._correlated(found), _INSIDE, 1.0 - _INSIDE)
@@ -88,8 +87,8 @@ class Design:
         """Gaussian copula: u = Phi(L Phi^-1(v)), L L' the correlation of the normal scores; margins stay."""
         if self.correlation is None:
             return shares
-        scores = ndtri(np.clip(shares, _INSIDE, 1.0 - _INSIDE)) @ np.linalg.cholesky(self.correlation).T
-        return np.asarray(ndtr(scores))
+        scores = scipy.special.ndtri(np.clip(shares, _INSIDE, 1.0 - _INSIDE)) @ np.linalg.cholesky(self.correlation).T
+        return np.asarray(scipy.special.ndtr(scores))
 
     def _generator(self) -> np.random.Generator:
         return np.random.default_rng(self.seed)

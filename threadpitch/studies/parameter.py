@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are loaded when they are used
 from numpy.typing import NDArray
-from scipy import stats
 
 from threadpitch.cosim.system import nearest
 from threadpitch.studies.errors import StudyError
@@ -108,20 +108,21 @@ def _ranged(name: str, given: Mapping[str, Any]) -> Parameter:
         _check_count(name, count)
         values = np.geomspace(low, high, count) if log else np.linspace(low, high, count)
         return Parameter(name, tuple(float(value) for value in values))
-    return Parameter(name, law=stats.loguniform(low, high) if log else stats.uniform(low, high - low))
+    return Parameter(name, law=scipy.stats.loguniform(low, high) if log else scipy.stats.uniform(low, high - low))
 
 
 def _distributed(name: str, given: Mapping[str, Any]) -> Parameter:
     word = given["distribution"]
-    families = [one for one in dir(stats) if isinstance(getattr(stats, one), stats.rv_continuous | stats.rv_discrete)]
+    kinds = scipy.stats.rv_continuous | scipy.stats.rv_discrete
+    families = [one for one in dir(scipy.stats) if isinstance(getattr(scipy.stats, one), kinds)]
     if word not in families:
         raise StudyError(f"parameter {name}: no distribution {word!r} in scipy.stats{nearest(str(word), families)}")
     count = given.get("levels", LEVELS)
     _check_count(name, count)
-    family = getattr(stats, word)
+    family = getattr(scipy.stats, word)
     shapes = [one.strip() for one in (family.shapes or "").split(",") if one.strip()]
     wanted = set(given) - {"distribution", "levels"}
-    known = {*shapes, "loc", *({"scale"} if isinstance(family, stats.rv_continuous) else ())}
+    known = {*shapes, "loc", *({"scale"} if isinstance(family, scipy.stats.rv_continuous) else ())}
     if not set(shapes) <= wanted <= known:
         raise StudyError(f"parameter {name}: {word} takes {', '.join(sorted(known))}, and needs "
                          f"{', '.join(shapes) or 'none of them'}")

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+import scipy  # its parts are loaded when they are used
 from numpy.typing import NDArray
-from scipy import optimize
 
 from threadpitch.cosim.system import nearest
 from threadpitch.studies import worker
@@ -136,13 +136,13 @@ class _Search:
         widths = np.array([high - low for low, high in bounds])
         generations = max(1, int(self.most * (1.0 - _SIMPLEX_SHARE)) // (_POPULATION * len(bounds)) - 1)
         try:
-            optimize.differential_evolution(
-                self._cost, optimize.Bounds(*zip(*bounds, strict=True)), popsize=_POPULATION, maxiter=generations,
+            scipy.optimize.differential_evolution(
+                self._cost, scipy.optimize.Bounds(*zip(*bounds, strict=True)), popsize=_POPULATION, maxiter=generations,
                 rng=self.study.design.seed, polish=False, init="sobol", updating="deferred", tol=1e-6,
                 workers=lambda _, points: self.costs(points))
             simplex = np.array(self.best[1]) + np.vstack([np.zeros(widths.size), 0.05 * np.diag(widths)])
             low, high = (np.array(ends) for ends in zip(*bounds, strict=True))
-            optimize.minimize(self._cost, self.best[1], method="Nelder-Mead", bounds=bounds,
+            scipy.optimize.minimize(self._cost, self.best[1], method="Nelder-Mead", bounds=bounds,
                               options={"initial_simplex": np.clip(simplex, low, high), "maxfev": self.most,
                                        "xatol": 1e-6 * float(widths.min()), "fatol": 0.0})
         except _Enough:

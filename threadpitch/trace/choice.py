@@ -27,7 +27,7 @@ _SPELLINGS = {"°": "deg", "grad": "deg", "degree": "deg", "degrees": "deg", "re
 _ANGLE_WORDS = {"angle": 4, "theta": 4, "phi": 4, "winkel": 4, "revs": 4, "rev": 4, "revolutions": 4, "turns": 4,
                 "rotation": 3, "spindle": 3, "spindel": 3, "s1": 2, "sp1": 2, "encoder": 2, "count": 1, "counts": 1,
                 "actual": 1, "act": 1, "ist": 1, "fb": 1}
-_POSITION_WORDS = {"z": 4, "xi": 4, "feed": 3, "position": 2, "pos": 2, "vorschub": 3, "axis": 1, "z1": 4, "fb": 1,
+_POSITION_WORDS = {"z": 4, "xi": 4, "feed": 3, "position": 3, "pos": 3, "vorschub": 3, "axis": 1, "z1": 4, "fb": 1,
                    "actual": 1, "act": 1, "ist": 1, "scale": 1, "mm": 1, "tool": 1}
 _OTHER_WORDS = {"speed": 9, "velocity": 9, "vel": 9, "rps": 9, "rpm": 9, "drehzahl": 9, "torque": 9, "current": 9,
                 "error": 9, "lag": 9, "deviation": 9, "index": 9, "enable": 9, "at": 3, "temperature": 9, "force": 9,
