@@ -44,6 +44,7 @@ def test_a_thread_that_cannot_be_judged_is_reported_with_a_note(threadpitch: Com
     outcome = threadpitch("report", LOG, "--measured", measured, "--target", 1.5, "-o", "log.html")
     assert outcome.status == 0
     assert "No verdict: " in (workplace / "log.html").read_text()
+    assert "No verdict: " in outcome.out
 
 
 @pytest.mark.parametrize(("options", "message"), [
@@ -53,6 +54,8 @@ def test_a_thread_that_cannot_be_judged_is_reported_with_a_note(threadpitch: Com
     ((LOG, "--pass", "7"), "there is no group '7'; the groups are 1, 2"),
     ((LOG, "--crossing", "cubic"), "crossing 'cubic' is not known"),
     ((LOG, "--thread", "X20"), "X20"),
+    ((LOG, "--uncertainty", "-1"), "uncertainty -1 um is not positive"),
+    ((".", "--measured", LOG), "--measured belongs to a log"),
     ((".",), r"without pitch\.csv; give the folder of a run, or a log"),
     ((), "Missing argument"),
 ])

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tests.report.made import LEAD, made_thread, samples_of, wobble
 from threadpitch.report import curves
+from threadpitch.report.charts import charts
 from threadpitch.report.content import Report, ReportError, thread_proper
 from threadpitch.report.curves import Curve
 from threadpitch.trace import TURN
@@ -117,6 +118,23 @@ def test_without_a_recording_there_are_no_curves_of_one() -> None:
     assert curves.error_map(thread, None, within_turn=True) is None
     assert curves.mean_within_turn(thread, None) is None
     assert curves.spectrum(thread, None) is None
+
+
+def test_a_steady_thread_does_not_cut_off_the_curves_of_others() -> None:
+    uneven, steady = made_thread(), made_thread(turns=400)
+    turn = samples_of(steady).turn
+    pitch = LEAD + 1e-9 * np.sin(np.arange(steady.nominal.pitch.size)).reshape(steady.nominal.pitch.shape)
+    steady = replace(steady, samples=replace(samples_of(steady), position=LEAD * turn + 1e-9 * np.sin(turn)),
+                     nominal=replace(steady.nominal, pitch=pitch), chosen=thread_proper(pitch))
+    report = Report("both", (uneven, steady))
+    figures = {chart.name: chart.figure for chart in charts(report)}
+    ideal = curves.ideal_deviation(uneven, uneven.samples)
+    assert ideal is not None
+    for name, values in (("cumulative", curves.cumulative(uneven)), ("ideal", ideal.y)):
+        figure = figures[name]
+        assert figure is not None
+        assert figure.y_range.start < 1e6 * np.nanmin(values), name
+        assert figure.y_range.end > 1e6 * np.nanmax(values), name
 
 
 def test_a_report_needs_a_thread() -> None:

@@ -45,6 +45,12 @@ def test_list_finds_and_shows_names_as_text(kept: Path, threadpitch: Command) ->
         assert len(found["runs"]) == count, option
 
 
+def test_a_store_of_any_name_is_the_one_that_is_listed(kept: Path, threadpitch: Command) -> None:
+    kept.rename("archive")
+    assert "2 of 2 runs in" in threadpitch("store", "list", "--store", "archive").out
+    assert_one_line(threadpitch("store", "list", "--store", kept.parent).err, "is a folder")
+
+
 def test_the_trace_is_the_log(kept: Path) -> None:
     (first, *_) = read_groups(LOG, ColumnChoice())
     with open_store(str(kept)) as store:
@@ -102,7 +108,10 @@ def test_note_delete_verify(kept: Path, threadpitch: Command) -> None:
     assert broken.status == 2
     document = json.loads(broken.out)
     assert (document["removed"], [one["kind"] for one in document["findings"]]) == (1, ["missing"])
-    assert_one_line(threadpitch("store", "show", 2, "--store", "runs.db").err, "run 2 is not in the store")
+    for number in (2, 2**63):
+        for command in (("show", number), ("note", number, "x"), ("delete", number)):
+            done = threadpitch("store", *command, "--store", "runs.db")
+            assert_one_line(done.err, f"run {number} is not in the store")
 
 
 def test_a_simulation_and_measured_pitches_are_kept(workplace: Path, threadpitch: Command) -> None:
@@ -118,6 +127,7 @@ def test_a_simulation_and_measured_pitches_are_kept(workplace: Path, threadpitch
     assert {one.calculator for one in simulated.passes} == {"nominal_pitch", "actual_pitch"}
     assert simulated.summary.series[0].effective is not None
     assert simulated.passes[0].target == 1.5e-3
+    assert simulated.summary.cause == json.loads(ran.out)["verdict"]["cause"]
     assert simulated.provenance["components"]["spindle"]["sha256"]
     assert simulated.trace is not None
     assert "nominal_pitch.pitch[1]" in pyarrow.parquet.read_schema(simulated.trace).names

@@ -21,7 +21,7 @@ from threadpitch.cli.build import build
 from threadpitch.cli.check import check
 from threadpitch.cli.cycle import cycle
 from threadpitch.cli.fit import fit
-from threadpitch.cli.options import ADDRESS, SEVERAL, STORE
+from threadpitch.cli.options import ADDRESS, KEEPERS, SEVERAL, STORE
 from threadpitch.cli.printing import complain, printing
 from threadpitch.cli.publish import publish
 from threadpitch.cli.report import report
@@ -107,14 +107,15 @@ def invoke(arguments: Sequence[str]) -> int:
 def _one_value_each(arguments: Sequence[str]) -> list[str]:
     """``--start-angle 0 90`` as ``--start-angle 0 --start-angle 90``: several values may follow one option.
 
-    ``--store`` alone is ``--store default``.
+    ``--store`` alone is ``--store default`` where a command keeps a run.
     """
     expanded: list[str] = []
     option = ""
+    alone = STORE if arguments and arguments[0] in KEEPERS else None
     for number, argument in enumerate(arguments):
         if argument == "--":
-            return [*expanded, *([DEFAULT] if expanded and expanded[-1] == STORE else []), *arguments[number:]]
-        if expanded and expanded[-1] == STORE and not re.fullmatch(ADDRESS, argument):
+            return [*expanded, *([DEFAULT] if expanded and expanded[-1] == alone else []), *arguments[number:]]
+        if expanded and expanded[-1] == alone and not re.fullmatch(ADDRESS, argument):
             expanded.append(DEFAULT)
         follows = bool(option) and re.fullmatch(SEVERAL[option], argument) is not None
         if follows and expanded[-1] != option:
@@ -123,7 +124,7 @@ def _one_value_each(arguments: Sequence[str]) -> list[str]:
             name = argument.partition("=")[0]
             option = name if name in SEVERAL else ""
         expanded.append(argument)
-    return [*expanded, DEFAULT] if expanded and expanded[-1] == STORE else expanded
+    return [*expanded, DEFAULT] if expanded and expanded[-1] == alone else expanded
 
 
 def _file_message(error: OSError) -> str:

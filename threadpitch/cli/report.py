@@ -74,6 +74,11 @@ def report(
     check_output(output)
     if crossing not in CROSSINGS:
         fail(f"crossing {crossing!r} is not known; choose {' or '.join(CROSSINGS)}")
+    if uncertainty is not None and uncertainty <= 0.0:
+        fail(f"uncertainty {uncertainty:g} um is not positive; give the standard uncertainty of one pitch, like 1")
+    if measured is not None and all(path.is_dir() for path in inputs):
+        fail("--measured belongs to a log; a run keeps its own verdict: leave it out, or measure the thread by "
+             "threadpitch run --measure")
     choice = of_log.choice()
     signals = of_log.signals(latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
     designation = None if thread is None else parse_thread(thread)
@@ -102,6 +107,8 @@ def report(
                 console.print(line)
             if one.verdict is not None:
                 console.print(verdict_line(one.verdict.cause, printable(one.verdict.sentence)))
+            for note in one.notes:
+                console.print(Text(printable(note)))
         print(f"saved in {output}")
 
 

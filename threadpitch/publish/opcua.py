@@ -28,6 +28,8 @@ REPLAYED = 500  # events before the start, so that the nodes show the last value
 AT_ONCE = 500
 _PEM = b"-----BEGIN"
 _log = logging.getLogger(__name__)
+# A server that does not start is told in one line below; asyncua's traceback is for programs that listen to its log.
+logging.getLogger("asyncua.server.server").addHandler(logging.NullHandler())
 
 
 class OpcUaServer:

@@ -191,8 +191,8 @@ def _spectrum(report: Report) -> Chart:
 
 
 def _polar(report: Report) -> Chart:
-    made = figure(width=_POLAR_SIZE, height=_POLAR_SIZE, tools="pan,wheel_zoom,reset,save", active_scroll=None,
-                  toolbar_location="below")
+    made = figure(frame_width=_POLAR_SIZE, frame_height=_POLAR_SIZE, tools="pan,wheel_zoom,reset,save",
+                  active_scroll=None, toolbar_location="below")
     found = list(series(report))
     radius = draw_polar(made, found, list(threads(report)))
     text = ("The workpiece seen along its axis: angle zero on the dotted line, start angles counted in the turning "

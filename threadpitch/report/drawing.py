@@ -100,16 +100,23 @@ class Plot:
         self.figure.add_layout(Span(location=value, dimension="height", line_color=colour, line_dash="dashed"))
 
     def see(self, values: FloatArray) -> None:
-        """Values for which the range is made, those that are far outside left out; zooming out shows them."""
-        self._seen.append(values[~np.isnan(values)])
+        """Values of one curve for which the range is made, but for those far outside; zooming out shows them.
+
+        What is far outside is told by the curve's own values: a steady curve beside it does not cut it off.
+        """
+        known = values[~np.isnan(values)]
+        self._seen.append(known[usual(known)])
+
+    def see_all(self, values: FloatArray) -> None:
+        """Values that are in the range however far outside they are."""
+        self._levels.extend(values[~np.isnan(values)].tolist())
 
     def chart(self, words: Words) -> Chart:
         """What was drawn, or that there was nothing to draw."""
         if not self._legend:
             return Chart(words.name, words.title, words.text, None, note=words.missing)
-        values = np.concatenate(self._seen) if self._seen else np.zeros(0)
-        if values.size:
-            near = values[usual(values)]
+        near = np.concatenate(self._seen) if self._seen else np.zeros(0)
+        if near.size:
             low, high = min([float(near.min()), *self._levels]), max([float(near.max()), *self._levels])
             margin = _MARGIN * (high - low) or max(1e-6, 1e-6 * abs(high))
             self.figure.y_range = Range1d(low - margin, high + margin)

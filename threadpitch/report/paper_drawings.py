@@ -214,9 +214,9 @@ def _finish(axes: Axes, titles: tuple[str, str, str], seen: Sequence[FloatArray]
     if seen is None or not axes.lines:
         _missing(axes)
         return
-    values = np.concatenate([one[~np.isnan(one)] for one in seen]) if seen else np.zeros(0)
-    if values.size:
-        near = values[usual(values)]
+    known = [one[~np.isnan(one)] for one in seen]  # each by itself: a steady curve does not cut off the others
+    near = np.concatenate([one[usual(one)] for one in known]) if known else np.zeros(0)
+    if near.size:
         low, high = float(near.min()), float(near.max())
         margin = 0.08 * (high - low) or max(1e-6, 1e-6 * abs(high))
         axes.set_ylim(low - margin, high + margin)

@@ -17,7 +17,7 @@ from threadpitch.units import from_si
 
 _RAY = 1.25  # length of a start angle's line, the workpiece's radius is 1
 _TEXT = 1.6
-_EDGE = 1.9
+_EDGE = 2.2  # room for the words beside the rays
 _SWING = 0.3  # of the radius, for the largest error within the turn
 
 

@@ -83,7 +83,7 @@ def _drawn(chart: Chart, name: str, title: str, label: str, unit: str) -> Drawin
         plot.line(bound, Style("#000000" if bound == "centre" else _RED, dash, "dash", ""),
                   Curve(place, factor * values))
         plot.see(factor * values)
-    plot.see(factor * chart.values)
+    plot.see_all(factor * chart.values)  # a part far beyond its limits is what the chart is looked at for
     outside = chart.outside
     if outside:
         plot.marks("beyond a limit", Style(_RED, (), "x", "×"),

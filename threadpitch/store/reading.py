@@ -19,6 +19,7 @@ from threadpitch.store.texts import instant, storable, utc_text
 
 TEXTS = ("source", "machine", "program", "thread", "serial_number", "note", "cause")
 CHOICES = ("machine", "program", "thread", "cause")
+GREATEST = 2**63 - 1  # number that a database can be asked for
 _MANY = 500  # numbers in one question: databases bound their number
 
 
@@ -40,7 +41,8 @@ def find_run(connection: Connection, number: int) -> tuple[RunSummary, RowMappin
     Raises:
         StoreError: there is none of this number.
     """
-    row = connection.execute(select(schema.runs).where(schema.runs.c.number == number)).mappings().first()
+    row = None if number > GREATEST else connection.execute(
+        select(schema.runs).where(schema.runs.c.number == number)).mappings().first()
     if row is None:
         raise StoreError(no_run(number))
     return _summaries(connection, [row])[0], row

@@ -101,7 +101,8 @@ class Store:
             StoreError: there is none of this number.
         """
         change = update(schema.runs).where(schema.runs.c.number == number).values(note=storable(text))
-        if not self._database.write(lambda connection: connection.execute(change).rowcount):
+        if number > reading.GREATEST or not self._database.write(
+                lambda connection: connection.execute(change).rowcount):
             raise StoreError(reading.no_run(number))
 
     def delete(self, numbers: Iterable[int]) -> None:
