@@ -68,7 +68,7 @@ def test_tables_of_a_run(threadpitch: Command, workplace: Path) -> None:
     assert lines[0] == "Pass 1, start 1"
     assert "| angle [deg] | n [rev] |    0 deg |   90 deg |  180 deg |  270 deg |" in lines
     assert sum(re.match(r"\| +\d+ \| +\d+ \| +1\.\d{4} \|", line) is not None for line in lines) == 7
-    assert sum(line.startswith("|  theta_S2 = 90 deg |") for line in lines) == 2  # all turns, and those in the metal
+    assert sum(line.startswith("|  theta_S2 = 90 deg |") for line in lines) == 3  # all turns, in the metal, actual
     metal = next(n for n, line in enumerate(lines) if line.startswith("Effective thread"))
     assert " ".join(lines[metal:metal + 2]) == (
         "Effective thread: turns in the metal, 0 deg: n = 6 to 7; 90 deg: n = 5 to 7; 180 deg: n = 5 to 7; "
