@@ -161,3 +161,11 @@ def test_a_store_that_cannot_be_opened_ends_it_before_anything_is_computed(workp
         assert done.status == 2
         assert_one_line(done.err, "it is damaged or no store")
     assert not (workplace / "threadpitch-run").exists()
+
+
+def test_a_store_that_is_not_there_is_not_made_by_looking(threadpitch: Command, workplace: Path) -> None:
+    for words in (("list",), ("show", "1"), ("verify",), ("export", "1", "--output", "out")):
+        outcome = threadpitch("store", *words, "--store", "nosuch.db")
+        assert outcome.status == 2
+        assert "nosuch.db: is not there, so it holds no runs" in outcome.err
+    assert not list(workplace.glob("nosuch*"))

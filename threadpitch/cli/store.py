@@ -13,7 +13,7 @@ from threadpitch.cli.options import AsJson
 from threadpitch.cli.printing import fail, print_json, printing
 from threadpitch.cli.store_options import StoreAddress
 from threadpitch.cli.store_tables import compared, comparison_document, show_run, show_runs
-from threadpitch.store import RunFilter, open_store
+from threadpitch.store import RunFilter, find_store
 from threadpitch.store.documents import run_document, summary_document
 from threadpitch.tables import printable
 
@@ -51,7 +51,7 @@ def list_runs(
     """The runs of a store, newest first."""
     wanted = RunFilter(text=text, machine=machine, program=program_name, thread=thread, serial_number=serial,
                        cause=cause, since=since, until=until, limit=limit)
-    with open_store(address) as kept:
+    with find_store(address) as kept:
         runs, count = kept.runs(wanted), kept.count(wanted)
         where = kept.address
     with printing():
@@ -65,7 +65,7 @@ def list_runs(
 @store.command()
 def show(run: Number, address: StoreAddress = None, as_json: AsJson = False) -> None:
     """A run: what is known of it, its tables, its verdict."""
-    with open_store(address) as kept:
+    with find_store(address) as kept:
         found = kept.run(run)
     with printing():
         if as_json:
@@ -79,7 +79,7 @@ def compare(runs: Numbers, address: StoreAddress = None, as_json: AsJson = False
     """Mean and spread of P(n) of several runs side by side, pass by pass and start angle by start angle."""
     if len(runs) < 2:
         fail("one run cannot be compared; give the numbers of two or more")
-    with open_store(address) as kept:
+    with find_store(address) as kept:
         found = [kept.run(number).summary for number in runs]
     with printing():
         if as_json:
@@ -101,7 +101,7 @@ def export(
     as_json: AsJson = False,
 ) -> None:
     """Write runs into files for other programs."""
-    with open_store(address) as kept:
+    with find_store(address) as kept:
         written = [path for number in runs for path in kept.export(number, output, form)]
     with printing():
         if as_json:
@@ -114,14 +114,14 @@ def export(
 def note(run: Number, text: Annotated[str, typer.Argument(metavar="TEXT", help="The new note; '' for none.")],
          address: StoreAddress = None) -> None:
     """Change the operator's note of a run."""
-    with open_store(address) as kept:
+    with find_store(address) as kept:
         kept.set_note(run, text)
 
 
 @store.command()
 def delete(runs: Numbers, address: StoreAddress = None) -> None:
     """Remove runs, with the traces that no other run has."""
-    with open_store(address) as kept:
+    with find_store(address) as kept:
         kept.delete(runs)
     with printing():
         print(f"deleted {len(runs)} of the runs in {printable(kept.address)}")
@@ -134,7 +134,7 @@ def verify(
     as_json: AsJson = False,
 ) -> None:
     """Check every trace and the database; exit status 2 where something is damaged or missing."""
-    with open_store(address) as kept:
+    with find_store(address) as kept:
         found, removed = kept.verify(), kept.remove_leftovers() if clean else 0
         count, where = kept.count(), kept.address
     if clean:

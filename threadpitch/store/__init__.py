@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from threadpitch.store.address import DEFAULT, ENVIRONMENT
+from threadpitch.store.address import DEFAULT, ENVIRONMENT, read_address
 from threadpitch.store.errors import StoreError
 from threadpitch.store.records import (
     Event,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["DEFAULT", "ENVIRONMENT", "Event", "Finding", "NewEvent", "NewRun", "RunFilter", "RunSummary",
            "SeriesSummary", "Store", "StoreError", "StoredPass", "StoredRun", "TurnStatistics",
-           "open_store"]
+           "find_store", "open_store"]
 
 
 def open_store(address: str | None = None) -> Store:
@@ -41,6 +41,20 @@ def open_store(address: str | None = None) -> Store:
             SQLAlchemy is missing.
     """
     store: Store = _run_store().Store(address)
+    return store
+
+
+def find_store(address: str | None = None) -> Store:
+    """The store at an address, as ``open_store`` gives it, which must be there already.
+
+    Raises:
+        StoreError: as of ``open_store``, or there is none.
+    """
+    stores = _run_store()  # where SQLAlchemy is missing, this says so
+    file = read_address(address).file
+    if file is not None and not file.exists():
+        raise StoreError(f"{file}: is not there, so it holds no runs; keep one with --store, or name another store")
+    store: Store = stores.Store(address)
     return store
 
 
