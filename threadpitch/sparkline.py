@@ -15,14 +15,12 @@ from rich.console import Console
 from rich.text import Text
 
 from threadpitch.passes import Pass
-from threadpitch.pitch import BoolArray, PitchTable
+from threadpitch.pitch import BoolArray, PitchTable, usual
 from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
 
 SHORTEST = 8  # characters of a line that still shows something
-_FAR = 6.0  # standard deviations from the median, beyond which a turn is an arrow
 _FLAT = 1e-9  # m, a fluctuation that is not worth a drawing
-_NORMAL = 1.4826  # standard deviation over the median absolute deviation of normal noise
 _STYLES = {"control": "bold yellow", "mechanical": "bold red", "both": "bold red", "none": "bold green",
            "undetermined": "bold cyan"}
 
@@ -48,13 +46,6 @@ def sparkline(values: FloatArray, width: int, letters: Letters = PLAIN) -> str:
         return ""
     low, high = _range(known)
     return "".join(_letter(value, low, high, letters) for value in _farthest(values, width).tolist())
-
-
-def usual(values: FloatArray) -> BoolArray:
-    """(values,) which of them, all known, are not far outside of what the others do: six standard deviations."""
-    off = np.abs(values - np.median(values)) if values.size else values
-    spread = _NORMAL * float(np.median(off)) if values.size else 0.0
-    return np.asarray(off <= _FAR * spread) if spread > 0.0 else np.ones(values.shape, dtype=np.bool_)
 
 
 def deviation_lines(console: Console, table: PitchTable, target: float | None = None,

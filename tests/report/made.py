@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from threadpitch.pitch import thread_pitch
-from threadpitch.report.content import Samples, Thread, thread_proper
+from threadpitch.pitch import thread_pitch, thread_proper
+from threadpitch.report.content import Samples, Thread
 from threadpitch.report.recorded_log import trace_samples
 from threadpitch.trace import TURN, FloatArray, Trace
 

@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.report.made import LEAD, made_thread, samples_of, wobble
+from threadpitch.pitch import thread_proper
 from threadpitch.report import curves
 from threadpitch.report.charts import charts
-from threadpitch.report.content import Report, ReportError, thread_proper
+from threadpitch.report.content import Report, ReportError
 from threadpitch.report.curves import Curve
 from threadpitch.trace import TURN
 

@@ -169,3 +169,13 @@ def test_a_store_that_is_not_there_is_not_made_by_looking(threadpitch: Command, 
         assert outcome.status == 2
         assert "nosuch.db: is not there, so it holds no runs" in outcome.err
     assert not list(workplace.glob("nosuch*"))
+
+
+def test_the_start_of_the_feed_is_not_in_the_figures_of_a_log(threadpitch: Command, workplace: Path) -> None:
+    done = threadpitch("analyze", LOGS / "A_ideal_500.csv.gz", "--store", "runs.db")
+    assert done.status == 0
+    found = json.loads(threadpitch("store", "list", "--store", "runs.db", "--json").out)
+    of_all, of_thread = (figures := found["runs"][0]["statistics"][0]), figures["effective"]
+    assert of_all["turns"] > of_thread["turns"] > 0.8 * of_all["turns"]
+    assert of_thread["mean_mm"] == pytest.approx(1.5, abs=1e-4)
+    assert of_thread["standard_deviation_um"] < 1.0 < of_all["standard_deviation_um"]

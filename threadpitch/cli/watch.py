@@ -19,7 +19,8 @@ from threadpitch.cli.options import AsJson, StartAngles, number, radians
 from threadpitch.cli.printing import printing, remark
 from threadpitch.pitch import GroupStream, StreamedPitch, thread_pitch
 from threadpitch.runs import Labels
-from threadpitch.runs.events import LOG, Running, Turn
+from threadpitch.runs.events import Running, Turn
+from threadpitch.store.records import LOG
 from threadpitch.tables import printable
 from threadpitch.trace import TURN, Group, Piece, watch_pieces
 from threadpitch.units import from_si

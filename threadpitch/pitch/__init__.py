@@ -8,6 +8,7 @@ the lead, and the pitch is lead / starts.
 """
 
 from threadpitch.pitch.edges import edge_pitch_table
+from threadpitch.pitch.proper import thread_proper, usual
 from threadpitch.pitch.recorded import GroupPitch, pitch_table, pitch_tables, thread_pitch
 from threadpitch.pitch.stored import Stored
 from threadpitch.pitch.stream import FARTHEST_ZERO, PitchStream
@@ -31,4 +32,6 @@ __all__ = [
     "statistics",
     "stream_pitches",
     "thread_pitch",
+    "thread_proper",
+    "usual",
 ]

@@ -12,7 +12,6 @@ import numpy as np
 
 from threadpitch.judgement import JudgementError, MeasuredThread, Verdict, judge
 from threadpitch.pitch import BoolArray, PitchTable
-from threadpitch.sparkline import usual
 from threadpitch.tolerance import PitchConformity
 from threadpitch.trace import TURN, FloatArray
 
@@ -96,19 +95,6 @@ class Report:
     def __post_init__(self) -> None:
         if not self.threads:
             raise ReportError("there is no thread to report on; give a run folder or a log")
-
-
-def thread_proper(pitch: FloatArray) -> BoolArray:
-    """(start_angles, revolutions) turns but for those at both ends that are far outside of what the others do.
-
-    So the start of the feed and the retraction do not hide the thread; what happens between them is never left out.
-    """
-    chosen = ~np.isnan(pitch)
-    for row, known in zip(pitch, chosen, strict=True):
-        places = np.flatnonzero(known)
-        near = places[usual(row[places])]
-        known[:] = known & (np.arange(row.size) >= near[0]) & (np.arange(row.size) <= near[-1]) if near.size else known
-    return chosen
 
 
 def laid_over(table: PitchTable, measured: Sequence[MeasuredThread]) -> tuple[Measured, ...]:

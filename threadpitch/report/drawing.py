@@ -11,9 +11,9 @@ from bokeh.models import CrosshairTool, HoverTool, Model, Range1d, Span
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
+from threadpitch.pitch import usual
 from threadpitch.report.curves import Curve
 from threadpitch.report.series import Style
-from threadpitch.sparkline import usual
 from threadpitch.trace import FloatArray
 
 CURSOR = "cursor"  # name of the line that all charts over the turn share

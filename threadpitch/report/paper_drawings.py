@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
+from threadpitch.pitch import usual
 from threadpitch.report import curves
 from threadpitch.report.content import Report, Samples, Thread
 from threadpitch.report.curves import Curve
 from threadpitch.report.series import Style, recordings, series, threads
-from threadpitch.sparkline import usual
 from threadpitch.tables import printable
 from threadpitch.trace import TURN, FloatArray
 from threadpitch.units import from_si

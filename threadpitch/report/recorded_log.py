@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from threadpitch.judgement import MeasuredThread
-from threadpitch.pitch import BoolArray, GroupPitch, PitchTable, statistics
-from threadpitch.report.content import PassOverview, ReportError, Samples, Thread, judged, laid_over, thread_proper
+from threadpitch.pitch import BoolArray, GroupPitch, PitchTable, statistics, thread_proper
+from threadpitch.report.content import PassOverview, ReportError, Samples, Thread, judged, laid_over
 from threadpitch.trace import TURN, FloatArray, Trace
 from threadpitch.units import from_si
 

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from threadpitch.judgement import read_verdict
+from threadpitch.pitch import thread_proper
 from threadpitch.report.columns import read_columns
-from threadpitch.report.content import Measured, PassOverview, ReportError, Samples, Thread, thread_proper
+from threadpitch.report.content import Measured, PassOverview, ReportError, Samples, Thread
 from threadpitch.report.pitch_file import CalculatedPass
 from threadpitch.report.recorded_log import trace_samples
 from threadpitch.report.recorded_run import RecordedRun, pass_overview, run_provenance

@@ -12,12 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from threadpitch.store import NewEvent, NewRun, StoredPass
-from threadpitch.store.records import new_uid
+from threadpitch.store.records import MEASURED, new_uid
 from threadpitch.store.texts import storable
 from threadpitch.tables import start_angles_deg
 from threadpitch.units import from_si
-
-LOG, MEASURED = "log", "measured"  # what calculated pitches, where no component of a simulation did
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,9 @@ from threadpitch.judgement import MeasuredThread, Verdict, verdict_document
 from threadpitch.lathe import Simulation
 from threadpitch.passes import Pass
 from threadpitch.pitch import GroupPitch, PitchTable, StreamedPitch
-from threadpitch.runs.events import LOG, MEASURED, RunEvents
+from threadpitch.runs.events import RunEvents
 from threadpitch.store import NewRun, StoredPass
+from threadpitch.store.records import LOG, MEASURED
 
 
 def simulation_run(simulation: Simulation, events: RunEvents, *, verdict: Verdict | None = None,

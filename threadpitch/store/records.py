@@ -9,9 +9,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from threadpitch.pitch import BoolArray, PitchTable, Statistics, statistics
+import numpy as np
+
+from threadpitch.pitch import BoolArray, PitchTable, Statistics, statistics, thread_proper
 
 Document = Mapping[str, Any]  # what JSON holds
+
+LOG, MEASURED = "log", "measured"  # what calculated pitches, where no component of a simulation did
 
 
 def new_uid() -> str:
@@ -32,12 +36,16 @@ class StoredPass:
 
     @property
     def effective(self) -> Statistics | None:
-        """Statistics over the turns that lie in the metal, where that is known."""
-        if self.in_metal is None:
-            return None
-        pitch = self.table.pitch.copy()
-        pitch[~self.in_metal] = float("nan")
-        return statistics(pitch)
+        """Statistics over the turns of the thread, where they are known."""
+        chosen = self.turns_of_thread
+        return None if chosen is None else statistics(np.where(chosen, self.table.pitch, np.nan))
+
+    @property
+    def turns_of_thread(self) -> BoolArray | None:
+        """Those in the metal; where that is not known, of a log those that do not lie far outside at its ends."""
+        if self.in_metal is None and self.calculator == LOG:
+            return thread_proper(self.table.pitch)
+        return self.in_metal
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -82,7 +82,7 @@ series = Table(
     Column("maximum", Double),  # m
     Column("mean", Double),  # m
     Column("standard_deviation", Double),  # m
-    Column("effective_turns", Integer),  # in the metal; NULL = not known
+    Column("effective_turns", Integer),  # of the thread; NULL = not known
     *(Column(f"effective_{name}", Double) for name in ("minimum", "maximum", "mean", "standard_deviation")),
     UniqueConstraint("pass", "place"),
 )

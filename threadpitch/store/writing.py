@@ -59,7 +59,7 @@ def add_run(connection: Connection, run: NewRun, trace: WrittenTrace | None) -> 
 
 
 def _add_pass(connection: Connection, run: int, place: int, one: StoredPass) -> None:
-    table = one.table
+    table, thread = one.table, one.turns_of_thread
     identity = _insert(connection, schema.passes, {
         "run": run, "place": place, "calculator": storable(one.calculator), "label": storable(one.label),
         "target": one.target, "revolutions": table.pitch.shape[1], "turns_before": table.turns_before,
@@ -69,7 +69,7 @@ def _add_pass(connection: Connection, run: int, place: int, one: StoredPass) -> 
         number = _insert(connection, schema.series, {
             "pass": identity, "place": row, "start_angle": angle, "extrapolated": bool(table.extrapolated[row]),
             **_statistics(table.pitch[row]),
-            **({} if one.in_metal is None else _statistics(table.pitch[row][one.in_metal[row]], "effective_")),
+            **({} if thread is None else _statistics(table.pitch[row][thread[row]], "effective_")),
         })
         turns = list(_turns(number, one, row))
         if turns:
