@@ -25,7 +25,7 @@ def show_runs(console: Console, runs: Sequence[RunSummary]) -> None:
     """A line for every run, with the pitches of its last pass: of the turns in the metal, where they are known."""
     lines = []
     for run in runs:
-        last = main_series(run)
+        last = run.main_series
         mean, spread = (math.nan, math.nan) if last is None else (last.best.mean, last.best.standard_deviation)
         lines.append({
             "Run": str(run.number), "Recorded": run.recorded_at.astimezone().strftime("%Y-%m-%d %H:%M"),
@@ -39,14 +39,6 @@ def show_runs(console: Console, runs: Sequence[RunSummary]) -> None:
         table.add_row(*(_cell(line[heading]) for heading in told))
     if told:
         console.print(table)
-
-
-def main_series(run: RunSummary) -> SeriesSummary | None:
-    """The last pass of the first calculator, at its first start angle: what one looks at first."""
-    if not run.series:
-        return None
-    first = [one for one in run.series if one.calculator == run.series[0].calculator]
-    return next(one for one in first if one.label == first[-1].label)
 
 
 def show_run(console: Console, run: StoredRun) -> None:

@@ -13,11 +13,11 @@ from threadpitch.report.curves import Curve
 from threadpitch.report.drawing import Chart as Drawing
 from threadpitch.report.drawing import Plot, Words
 from threadpitch.report.series import Style, shown
-from threadpitch.store import RunSummary, SeriesSummary
+from threadpitch.store import RunSummary
+from threadpitch.store.records import REAL_THREAD
 from threadpitch.units import from_si
 
 _RED = "#b00020"
-_MEASURED_FIRST = ("measured", "actual_pitch")  # calculators that tell of the real thread
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def parts_of(runs: Sequence[RunSummary], calculator: str) -> list[tuple[RunSumma
     """Every run's last series by this calculator, of its first start angle; oldest first."""
     found = []
     for run in sorted(runs, key=lambda one: (one.recorded_at, one.number)):
-        series = _chosen(run, calculator)
+        series = run.series_of(calculator)
         if series is not None:
             one = series.best
             name = run.serial_number or f"run {run.number}"
@@ -48,7 +48,7 @@ def parts_of(runs: Sequence[RunSummary], calculator: str) -> list[tuple[RunSumma
 def calculators(runs: Sequence[RunSummary]) -> list[str]:
     """What the runs have pitches of, those of the real thread first."""
     names = dict.fromkeys(one.calculator for run in runs for one in run.series)
-    return sorted(names, key=lambda name: (name not in _MEASURED_FIRST, name))
+    return sorted(names, key=lambda name: (name not in REAL_THREAD, name))
 
 
 def made_charts(parts: Sequence[tuple[RunSummary, Part]], limits: str) -> tuple[list[Drawing], list[PartRow]]:
@@ -63,13 +63,6 @@ def made_charts(parts: Sequence[tuple[RunSummary, Part]], limits: str) -> tuple[
     drawings = [_drawn(found.mean, "mean", "Mean P(n) of every part", "mean P(n) [mm]", "mm"),
                 _drawn(found.spread, "spread", spread, "spread [um]", "um")]
     return drawings, [_row(found, place, number) for place, number in enumerate(numbers)]
-
-
-def _chosen(run: RunSummary, calculator: str) -> SeriesSummary | None:
-    series = [one for one in run.series if one.calculator == calculator]
-    if not series:
-        return None
-    return next(one for one in series if one.label == series[-1].label)
 
 
 def _drawn(chart: Chart, name: str, title: str, label: str, unit: str) -> Drawing:

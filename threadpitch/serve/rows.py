@@ -30,8 +30,8 @@ class RunRow:
 
 
 def run_row(run: RunSummary) -> RunRow:
-    """The run in words; mean and spread are those of its last series."""
-    best = run.series[-1].best if run.series else None
+    """The run in words; mean and spread are those of its main series."""
+    best = None if run.main_series is None else run.main_series.best
     texts = {name: printable(getattr(run, name)) for name in ("kind", "machine", "program", "thread", "serial_number",
                                                              "source")}
     return RunRow(run.number, run.recorded_at.strftime("%Y-%m-%d %H:%M"), note=run.note, cause=run.cause or "-",

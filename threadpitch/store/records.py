@@ -16,6 +16,7 @@ from threadpitch.pitch import BoolArray, PitchTable, Statistics, statistics, thr
 Document = Mapping[str, Any]  # what JSON holds
 
 LOG, MEASURED = "log", "measured"  # what calculated pitches, where no component of a simulation did
+REAL_THREAD = (MEASURED, "actual_pitch")  # what tells of the real thread, in this order
 
 
 def new_uid() -> str:
@@ -128,6 +129,17 @@ class RunSummary:
     sentence: str | None
     trace_sha256: str | None
     series: tuple[SeriesSummary, ...]
+
+    @property
+    def main_series(self) -> SeriesSummary | None:
+        """What one looks at first: the last pass, of what tells of the real thread where that is there."""
+        names = [one.calculator for one in self.series]
+        return self.series_of(next((name for name in REAL_THREAD if name in names), names[0])) if names else None
+
+    def series_of(self, calculator: str) -> SeriesSummary | None:
+        """The last pass of a calculator, at its first start angle."""
+        found = [one for one in self.series if one.calculator == calculator]
+        return next((one for one in found if one.label == found[-1].label), None)
 
 
 @dataclass(frozen=True, eq=False)
