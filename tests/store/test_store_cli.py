@@ -179,3 +179,16 @@ def test_the_start_of_the_feed_is_not_in_the_figures_of_a_log(threadpitch: Comma
     assert of_all["turns"] > of_thread["turns"] > 0.8 * of_all["turns"]
     assert of_thread["mean_mm"] == pytest.approx(1.5, abs=1e-4)
     assert of_thread["standard_deviation_um"] < 1.0 < of_all["standard_deviation_um"]
+
+
+def test_what_a_measuring_plan_found_is_kept(threadpitch: Command, workplace: Path) -> None:
+    done = threadpitch("run", "--stop-time", "1.6", "--measure", "uncertainty=1um", "seed=1", "--store", "runs.db")
+    assert done.status == 0, done.err
+    with open_store("runs.db") as store:
+        run = store.run(1)
+    measured = [one for one in run.passes if one.calculator == "measured"]
+    assert {one.label for one in measured} == {"negative_z", "positive_z"}
+    assert all(np.nanmax(np.abs(one.table.pitch - 1.5e-3)) < 20e-6 for one in measured)
+    assert run.summary.main_series is not None
+    assert run.summary.main_series.calculator == "measured"
+    assert run.summary.cause is not None

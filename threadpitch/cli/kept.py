@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from threadpitch.cli.judging import Findings
 from threadpitch.cli.printing import remark
-from threadpitch.judgement import Verdict
+from threadpitch.diagnosis import Diagnosis
 from threadpitch.lathe import Simulation
 from threadpitch.live_turns import LiveTurn
 from threadpitch.pitch import GroupPitch, StreamedPitch
@@ -80,10 +80,12 @@ class Keeper:
                                    verdict=found.verdict, options=options,
                                    trace=None if self._trace is None else self.trace))
 
-    def finish_simulation(self, simulation: Simulation, verdict: Verdict | None) -> dict[str, object]:
+    def finish_simulation(self, simulation: Simulation, found: Diagnosis | None) -> dict[str, object]:
         """The simulation came to its end, and is judged."""
         simulation_trace(simulation, self.trace)
-        return self.finish(simulation_run(simulation, self.events, verdict=verdict, trace=self.trace))
+        return self.finish(simulation_run(
+            simulation, self.events, verdict=None if found is None else found.verdict,
+            measured=() if found is None else found.measured, trace=self.trace))
 
     def finish(self, run: NewRun) -> dict[str, object]:
         """The run is complete: kept, with all revolutions that have not been told; where, as JSON."""

@@ -15,7 +15,7 @@ from threadpitch import cosim, lathe
 from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
 from threadpitch.cli.printing import BAD_INPUT, complain, fail, print_json, printing
 from threadpitch.diagnosis import Diagnosis, diagnose, diagnosis_document, diagnosis_lines
-from threadpitch.judgement import JudgementError, Verdict
+from threadpitch.judgement import JudgementError
 from threadpitch.measuring import MeasuringPlan
 from threadpitch.run_folder import event_records, run_document, save_run
 from threadpitch.tables import printable, show_pass
@@ -32,18 +32,13 @@ class Done:
     found: Diagnosis | None
     files: list[Path]
 
-    @property
-    def verdict(self) -> Verdict | None:
-        """Where its pitch's fluctuation comes from."""
-        return None if self.found is None else self.found.verdict
-
 
 def finish(done: Done, as_json: bool, keeper: Keeper | None = None) -> None:
     """Keep a simulation that came to its end and is saved, where that is wanted, and print what it found."""
     stored: dict[str, object] = {}
     try:
         if keeper is not None:
-            stored = keeper.finish_simulation(done.simulation, done.verdict)
+            stored = keeper.finish_simulation(done.simulation, done.found)
     finally:  # what was found is told, whatever becomes of the store
         with printing():
             if as_json:
@@ -75,7 +70,7 @@ def finish_program(done: Sequence[Done], as_json: bool, asked: Asked, source: st
         for place, one in enumerate(done):
             with keeping_run(asked, "simulation", f"{source}, operation {place + 1}") as keeper:
                 if keeper is not None:
-                    stored[place] = keeper.finish_simulation(one.simulation, one.verdict)
+                    stored[place] = keeper.finish_simulation(one.simulation, one.found)
     finally:
         with printing():
             if as_json:

@@ -20,10 +20,11 @@ from threadpitch.store.records import LOG, MEASURED
 
 
 def simulation_run(simulation: Simulation, events: RunEvents, *, verdict: Verdict | None = None,
-                   trace: Path | None = None) -> NewRun:
-    """The run of a simulation: the passes as every calculator saw them."""
+                   measured: Sequence[MeasuredThread] = (), trace: Path | None = None) -> NewRun:
+    """The run of a simulation: the passes as every calculator saw them, and the thread as it was measured."""
     passes = [stored_pass(calculator, one) for calculator in simulation.calculators
               for one in simulation.passes_of(calculator)]
+    passes += _measured_passes(measured, None)
     return NewRun(kind=events.kind, source=events.source, uid=events.uid, passes=tuple(passes), trace=trace,
                   verdict=None if verdict is None else verdict_document(verdict),
                   provenance=simulation.result.metadata | {"warnings": list(simulation.result.warnings)},
@@ -47,10 +48,14 @@ def log_run(groups: Sequence[GroupPitch | StreamedPitch], events: RunEvents, *, 
     ``target``: movement per revolution that was wanted, m. ``options``: how the log was read.
     """
     passes = [StoredPass(LOG, group.label, group.table, target) for group in groups]
-    passes += [StoredPass(MEASURED, one.flank or "", _measured_table(one), target) for one in measured]
+    passes += _measured_passes(measured, target)
     return NewRun(kind=events.kind, source=events.source, uid=events.uid, passes=tuple(passes), trace=trace,
                   verdict=None if verdict is None else verdict_document(verdict),
                   provenance=versions() | {"options": dict(options or {})}, **vars(events.labels))
+
+
+def _measured_passes(measured: Sequence[MeasuredThread], target: float | None) -> list[StoredPass]:
+    return [StoredPass(MEASURED, one.flank or "", _measured_table(one), target) for one in measured]
 
 
 def _measured_table(one: MeasuredThread) -> PitchTable:
