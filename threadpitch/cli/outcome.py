@@ -31,6 +31,7 @@ class Done:
     simulation: lathe.Simulation
     found: Diagnosis | None
     files: list[Path]
+    why_not: str = ""  # why there is no verdict, where its pitches cannot be judged
 
 
 def finish(done: Done, as_json: bool, keeper: Keeper | None = None) -> None:
@@ -52,15 +53,15 @@ def save(simulation: lathe.Simulation, output: Path, plan: MeasuringPlan | None)
     """The files of a simulation, which has cut a turn at least, with the verdict on its thread."""
     if simulation.calculators and not simulation.passes:
         fail(simulation.why_no_turn())
-    found = None
+    found, why_not = None, ""
     try:
         found = diagnose(simulation, plan)
     except JudgementError as error:
-        complain(f"no verdict: {error}")
+        why_not = str(error)
     except lathe.LatheError:
         save_run(simulation, output)  # what was computed is not lost for a thread that cannot be measured
         raise
-    return Done(simulation, found, save_run(simulation, output, found))
+    return Done(simulation, found, save_run(simulation, output, found), why_not)
 
 
 def finish_program(done: Sequence[Done], as_json: bool, asked: Asked, source: str) -> None:
@@ -122,6 +123,8 @@ def _show(done: Done, stored: dict[str, object]) -> None:
         console.print(Text(heading, style="bold"), soft_wrap=whole)
         for line in (*lines, ""):
             console.print(Text(line), soft_wrap=whole)
+    if done.why_not:
+        console.print(Text(f"No verdict: {done.why_not}"), soft_wrap=not console.is_terminal)
     result = simulation.result
     for time, variable, direction in result.events[:_MOST_EVENTS]:
         print(f"event: {printable(variable)} {direction} at t = {time:.9g} s")
