@@ -53,6 +53,13 @@ class Diagnosis:
     measured: tuple[MeasuredThread, ...] = ()  # where the thread was measured by a plan
     why_not: str = ""
 
+    @property
+    def control_shows(self) -> bool:
+        """Whether the control moves a pitch by more than the measuring uncertainty: where it does less, nothing is to
+        be adjusted.
+        """
+        return self.control is not None and float(np.abs(self.control.deviation).max()) > _WORTH * self.uncertainty
+
 
 def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
              uncertainty: float = UNCERTAINTY) -> Diagnosis | None:
@@ -85,7 +92,8 @@ def diagnosis_document(found: Diagnosis) -> dict[str, object]:
     """As JSON, lengths in um."""
     return {"pass": found.pass_number, "uncertainty_um": from_si(found.uncertainty, "um"),
             **verdict_document(found.verdict),
-            "control": {"why_not": found.why_not} if found.control is None else control_document(found.control)}
+            "control": {"why_not": found.why_not} if found.control is None
+            else {**control_document(found.control), "shows": found.control_shows}}
 
 
 def diagnosis_lines(found: Diagnosis) -> list[str]:
@@ -96,9 +104,9 @@ def diagnosis_lines(found: Diagnosis) -> list[str]:
     lines = [f"Verdict on pass {found.pass_number}, pitches {how}", found.verdict.sentence]
     lines += [f"  - {line}" for line in found.verdict.advice]
     lines += [f"Note: {note}" for note in found.verdict.notes]
-    worst = 0.0 if found.control is None else float(np.abs(found.control.deviation).max())
-    if found.control is not None and worst > _WORTH * found.uncertainty:
-        lines.append(f"Where in the control: the nominal pitches deviate by up to {from_si(worst, 'um'):.3g} um, of it")
+    if found.control is not None and found.control_shows:
+        worst = from_si(float(np.abs(found.control.deviation).max()), "um")
+        lines.append(f"Where in the control: the nominal pitches deviate by up to {worst:.3g} um, of it")
         lines += [f"  - {line}" for line in found.control.sentences()]
     return lines
 

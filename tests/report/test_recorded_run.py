@@ -52,7 +52,8 @@ def test_the_verdict_is_that_of_the_run(copy: Path, short_run: lathe.Simulation)
     found = diagnose(short_run)
     assert found is not None
     result = copy / "result.json"
-    told = diagnosis_document(found) | {"control": {"sentences": ["60 %: the spindle drops", "40 %: the feed lags"]}}
+    control = {"shows": True, "sentences": ["60 %: the spindle drops", "40 %: the feed lags"]}
+    told = diagnosis_document(found) | {"control": control}
     document = json.loads(result.read_text()) | {"verdict": told}
     result.write_text(json.dumps(document))
     (thread,) = read_run(copy)
@@ -60,6 +61,8 @@ def test_the_verdict_is_that_of_the_run(copy: Path, short_run: lathe.Simulation)
     assert thread.verdict.sentence == found.verdict.sentence
     assert thread.notes[-2:] == ("Where in the control: 60 %: the spindle drops",
                                  "Where in the control: 40 %: the feed lags")
+    result.write_text(json.dumps(document | {"verdict": told | {"control": {"shows": False, "sentences": ["no"]}}}))
+    assert not [note for note in read_run(copy)[0].notes if note.startswith("Where")]
     (other,) = read_run(copy, uncertainty=20e-6)
     assert other.verdict is not None
     assert other.verdict.evidence.uncertainty == 20e-6

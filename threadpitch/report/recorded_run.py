@@ -44,8 +44,10 @@ class _Folder:
         if not isinstance(verdict, dict) or verdict.get("pass") != number:
             return thread
         try:
-            control = tuple(f"Where in the control: {sentence}" for sentence in verdict["control"].get("sentences", ()))
-            return replace(thread, verdict=read_verdict(verdict), notes=(*thread.notes, *control))
+            control = verdict["control"]
+            sentences = control["sentences"] if control.get("shows") else ()
+            told = [f"Where in the control: {sentence}" for sentence in sentences]
+            return replace(thread, verdict=read_verdict(verdict), notes=(*thread.notes, *told))
         except (KeyError, TypeError, AttributeError, IndexError) as error:
             raise ReportError(f"{self.path / 'result.json'}: the verdict is damaged ({error}); run again") from None
 
