@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.benchmarks.bench_threading import shift_over_speeds
 from threadpitch import lathe
-from threadpitch.cosim.values import Given
 from threadpitch.cycles import (
     DIALECTS,
     ControlParameters,
@@ -317,21 +317,8 @@ def test_start_shift_over_the_speed(age: float) -> None:
     """z_command against the true angle at 300, 500, 900 rpm: at most 1 um where the control knows the age of its
     angle, which is 0 in the order of the data; told 1 ms too much it is 7.5, 12.5, 22.5 um off.
     """
-    shifts = []
-    for rpm in (300.0, 500.0, 900.0):
-        parameters: dict[str, Given] = {
-            "controller.commanded_speed": rpm / 60.0 * TURN, "spindle.initial_speed": rpm / 60.0 * TURN,
-            "spindle.ripple_amplitude": [0.0], "spindle.encoder_lines": 262144, "controller.counts_per_turn": 1048576.0,
-            "controller.command_age": age}
-        result = lathe.simulate(parameters=parameters, stop_time=4.0)
-        rows = (result["controller.threading"] == 1) & (result["controller.z_command"] < 0.0)
-        index = result["spindle.angle"] - result["spindle.encoder_angle"]
-        true = result["spindle.angle"][rows] - index[rows][0]
-        line = 6e-3 - true / TURN * LEAD
-        error = np.remainder(result["controller.z_command"][rows] - line + 0.5 * LEAD, LEAD) - 0.5 * LEAD
-        shifts.append(float(np.mean(error)))
     expected = [LEAD * rpm / 60.0 * age for rpm in (300.0, 500.0, 900.0)]
-    np.testing.assert_allclose(np.abs(shifts), expected, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(np.abs(shift_over_speeds(age)), expected, rtol=0.0, atol=1e-6)
 
 
 def test_the_passes_say_which_makes_the_final_flank() -> None:

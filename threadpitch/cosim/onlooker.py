@@ -36,5 +36,9 @@ class Onlooker:
         return {}
 
     def close(self) -> Block:
-        """Nothing is kept."""
-        raise NotImplementedError("an onlooker keeps nothing")
+        """Nothing is kept: who looks on is never asked for rows.
+
+        Raises:
+            TypeError: always.
+        """
+        raise TypeError("an onlooker keeps nothing")
