@@ -33,11 +33,6 @@ def analyze(
         metavar="LOG", help="Log of a machine: CSV and other text (plain, .gz, or - for standard input), Parquet, "
                             "HDF5, MAT, TDMS, MDF.")],
     of_log: LogOptions,
-    index_enable: Annotated[str | None, typer.Option(
-        metavar="COLUMN", help="A pass begins where this column falls, and ends with the synchronous motion.")] = None,
-    synchronous: Annotated[bool, typer.Option(
-        "--synchronous", help="Passes are where the feed moves in step with the spindle (by --target, if given).")]
-    = False,
     latency: Annotated[float, typer.Option(
         metavar="MS|estimate", parser=log_options.latency,
         help="The position was recorded so many ms later than the angle.")] = 0.0,
@@ -85,11 +80,8 @@ def analyze(
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
     screw = of_log.screw_lead if ball_screw is None else ball_screw
     asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement, expected_lag)
-    choice = of_log.choice(index_enable)
-    parted = synchronous or index_enable is not None
-    lead = 1e-3 * target if parted and target is not None else None
-    signals = of_log.signals(latency=latency, outlier=None if outlier is None else 1e-3 * outlier,
-                             synchronous=synchronous, lead=lead)
+    choice = of_log.choice()
+    signals = of_log.signals(target, latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
     starts = radians(start_angle or [0.0])
     interval = None if sample_interval is None else math.radians(sample_interval)
     if crossing not in CROSSINGS:
@@ -123,7 +115,7 @@ class Reading:
     @property
     def whole(self) -> bool:
         """Whether the log must be in memory."""
-        return self.signals.needs_the_whole or self.choice.index_enable is not None or self.crossing != "linear"
+        return self.signals.needs_the_whole or self.crossing != "linear"
 
     def described(self) -> dict[str, object]:
         """As JSON, SI."""
