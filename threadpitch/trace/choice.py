@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from threadpitch import units
@@ -15,6 +15,7 @@ _TIME_NAME = re.compile(r"(?:time|t|timestamps?|zeit)[\s_]*[\[(/]?\s*(s|ms|us|µ
 _BRACKETS = re.compile(r"(?P<name>.*\S)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*")
 _LAST_WORD = re.compile(r"(?P<name>.*?)\s*(?:_|\s/\s*|/)(?P<unit>[^_/\s]+)\s*")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^\W\d_]+")
+_LISTED = 12  # columns that a message lists
 _SHOWN = 40  # characters of a text from a file that a message shows
 _TIMES = {"s", "ms", "us", "min"}
 _ANGLES = {"rev", "deg", "rad", "count"}
@@ -252,12 +253,16 @@ def _named_or_guessed(place: str, names: list[str], told: list[str], name: str |
     equal = [i for i, score in enumerate(scores) if score == best]
     option = f"--{quantity} COLUMN"
     if best < 3:
-        raise TraceError(f"{place}: no column is called like the {quantity}; choose one with {option} out of "
-                         f"{', '.join(map(brief, names[:12]))}")
+        raise TraceError(f"{place}: no column is called like the {quantity}; choose one with {option}, by name or "
+                         f"number, out of {_numbered(names, range(min(len(names), _LISTED)), ', ')}")
     if len(equal) > 1:
-        raise TraceError(f"{place}: the {quantity} may be column {' or '.join(brief(names[i]) for i in equal[:4])}; "
-                         f"choose with {option}")
+        raise TraceError(f"{place}: the {quantity} may be column {_numbered(names, equal[:4], ' or ')}; choose with "
+                         f"{option}, by name or number")
     return equal[0]
+
+
+def _numbered(names: list[str], columns: Iterable[int], between: str) -> str:
+    return between.join(f"{i + 1} {brief(names[i])}" for i in columns)
 
 
 def _score(name: str, wanted: Mapping[str, int]) -> int:
@@ -290,5 +295,5 @@ def _index(place: str, names: list[str], name: str) -> int:
              if other.endswith(f"/{name.strip()}") or other.startswith(f"{name.strip()}: ")]
     if len(parts) == 1:
         return parts[0]  # the last part of a path, or a description before an address
-    near = difflib.get_close_matches(name, names, n=3, cutoff=0.4) or names[:12]
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.4) or names[:_LISTED]
     raise TraceError(f"{place}: there is no column {brief(name)}; nearest are {', '.join(map(brief, near))}")
