@@ -13,8 +13,8 @@ from threadpitch.trace import TURN, ColumnChoice, FloatArray, sinumerik
 
 SERVO, INTERPOLATOR = 0.002, 0.004  # s
 RECORDS = 1500
-FAST: FloatArray = SERVO * np.arange(RECORDS)
-SLOW: FloatArray = SERVO + INTERPOLATOR * np.arange(RECORDS // 2)
+FAST: FloatArray = SERVO * np.arange(float(RECORDS))
+SLOW: FloatArray = SERVO + INTERPOLATOR * np.arange(float(RECORDS // 2))
 REVS: FloatArray = np.clip(FAST - 0.5, 0.0, 1.8) * 9.0  # the spindle stands, turns, and stands
 
 

@@ -18,6 +18,7 @@ from threadpitch.trace import sinumerik
 from threadpitch.trace.array_log import ArrayLog, Columns
 from threadpitch.trace.channels import Channel, aligned, clock_notes
 from threadpitch.trace.choice import ColumnChoice, brief, is_time, time_factor
+from threadpitch.trace.cut_off import cut_off
 from threadpitch.trace.passes import Array
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import FloatArray
@@ -56,6 +57,8 @@ def array_log(path: Path, name: str, choice: ColumnChoice) -> ArrayLog:
         "Parquet": _parquet, "HDF5": _hdf5, "TDMS": _tdms, "MDF": _mdf, "MAT": _mat,
         "SINUMERIK trace": _sinumerik}
     with _damage_named(path, name):
+        if missing := cut_off(path, name):
+            raise TraceError(f"the {name} file is cut off: {missing}; copy it again, or record it again")
         return openers[name](path, choice)
 
 
