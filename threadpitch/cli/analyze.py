@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -12,17 +12,16 @@ import typer
 from rich.console import Console
 
 from threadpitch.cli import log_options, store_options
+from threadpitch.cli.following_error import recorded_control
 from threadpitch.cli.judging import Findings, Judged, find, findings_document, show_findings
 from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
 from threadpitch.cli.log_options import LogOptions
 from threadpitch.cli.options import AsJson, StartAngles, number, radians
 from threadpitch.cli.printing import counting, fail, print_json, printing
-from threadpitch.judgement import ControlTrace, JudgementError
 from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch_table, pitch_tables, stream_pitches
 from threadpitch.runs import Labels
 from threadpitch.tables import analysis_document, show_groups
-from threadpitch.trace import ColumnChoice, Signals, read_groups
-from threadpitch.trace.text_rows import STANDARD_INPUT
+from threadpitch.trace import ColumnChoice, Signals
 
 CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 
@@ -64,8 +63,9 @@ def analyze(
     engagement: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Length over which they add up.", show_default="longest normal one")] = None,
     following_error: Annotated[str | None, typer.Option(
-        metavar="COLUMN", help="Column of the following error, command less position, in the position's unit: for "
-                               "where in the control, with --measured.")] = None,
+        metavar="COLUMN|none", help="Column of the following error, command less position, in the position's unit: "
+                                    "for where in the control, with --measured.",
+        show_default="by its name, or from the commanded position")] = None,
     expected_lag: Annotated[float | None, typer.Option(
         metavar="MS", parser=number, help="(1 - feedforward)/Kv + Td of the feed drive, which the lag that is found in "
                                           "the log is compared with.")] = None,
@@ -92,7 +92,7 @@ def analyze(
     kept = Asked(store, tuple(publish or ()), Labels(machine, program_name, thread or "", serial, note))
     with keeping_run(kept, "log", str(log)) as keeper:
         groups = _groups(reading, keeper)
-        found = find(groups, asked, lambda: _recording(log, choice, signals, following_error))
+        found = find(groups, asked, lambda: recorded_control(log, choice, signals, following_error))
         stored: dict[str, object] = {}
         try:
             if keeper is not None:
@@ -155,19 +155,3 @@ def _show(shown: Shown, as_json: bool) -> None:
             show_findings(Console(), shown.found)
             if shown.stored:
                 print(stored_line(shown.stored))
-
-
-def _recording(log: Path, choice: ColumnChoice, signals: Signals, following_error: str | None) -> ControlTrace:
-    """The last group of the log once more, whole, with its following error where a column is named.
-
-    Raises:
-        JudgementError: the log can be read only once.
-        TraceError: the column is not there.
-    """
-    if str(log) == STANDARD_INPUT:
-        raise JudgementError("a log on standard input can be read only once; give a file")
-    trace = read_groups(log, choice, signals)[-1]
-    if following_error is None:
-        return ControlTrace(trace)
-    beside = read_groups(log, replace(choice, position=following_error), signals)[-1]
-    return ControlTrace(trace, following_error=beside.position)

@@ -50,6 +50,16 @@ def open_log(path: Path, choice: ColumnChoice) -> Log:
     return scope_log(path, log.head, choice)
 
 
+def chosen_columns(path: str | Path, choice: ColumnChoice) -> Chosen:
+    """Which columns of a log are which.
+
+    Raises:
+        TraceError: the file cannot be read; a column is not there or cannot be told.
+    """
+    with closing(open_log(Path(path), choice)) as log:
+        return log.chosen
+
+
 def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) \
         -> Generator[tuple[Group, Piece]]:
     """The samples of a log piece by piece, rad, m and s, each with its group; nothing of them is kept.
