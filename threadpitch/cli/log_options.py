@@ -16,7 +16,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from threadpitch.cli.options import number
-from threadpitch.trace import ColumnChoice, Signals
+from threadpitch.trace import ColumnChoice, Signals, TraceError
 
 _MM = 1e-3  # m
 
@@ -74,6 +74,8 @@ class LogOptions:
 
     def signals(self, target_mm: float | None, **more: Any) -> Signals:
         """What the signals are; ``target_mm``: movement per turn of passes that are to be found; ``more`` in SI."""
+        if target_mm is not None and not 0.0 < target_mm < math.inf:
+            raise TraceError(f"--target is {target_mm:g} mm; give a positive movement per revolution")
         screw = None if self.screw_lead is None else _MM * self.screw_lead
         parted = self.synchronous or self.index_enable is not None
         lead = _MM * target_mm if parted and target_mm is not None else None
