@@ -12,9 +12,10 @@ from typing import Any
 from fmpy import platform, platform_tuple, read_model_description, supported_platforms
 from fmpy.model_description import ValidationError
 
-from threadpitch.cosim.archive import MAXIMUM_SIZE, TemporaryFolder, unpack
+from threadpitch.cosim.archive import MAXIMUM_SIZE, unpack
 from threadpitch.cosim.document import DocumentError, Element, parse_document
 from threadpitch.cosim.errors import CosimError
+from threadpitch.cosim.temporary_folder import TemporaryFolder
 from threadpitch.cosim.variable import FmuVariable
 from threadpitch.cosim.variables import read_variables, to_number
 from threadpitch.units import BASES, Unit, UnitError, unit
