@@ -151,7 +151,7 @@ def _turns(columns: Columns, calculator: str, angle: int, rows: slice) -> tuple[
         after = np.cumsum(kept[::-1])[::-1] - np.array(kept)  # movement of this step's later turns
         ends += (position[row] - direction[row] * after).tolist()
         pitches += kept
-    first = float(direction[int(np.argmax(completed > 0))]) if completed.size else 0.0
+    first = float(direction[int(np.argmax(completed != 0))]) if completed.size else 0.0
     return np.array(pitches), np.array(ends), first
 
 

@@ -62,7 +62,8 @@ def validate(root: Element, name: str) -> None:
                                    "export it so")
     schema = _schema(version, _FILES[str(root.tag).partition("}")[0] + "}"])
     if not schema.validate(root):
-        errors = ((error.line, _NAMESPACE.sub("", error.message)) for error in schema.error_log)
+        errors = ((error.line, _NAMESPACE.sub("", error.message))
+                  for error in schema.error_log)  # type: ignore[attr-defined] # lxml-stubs cannot iterate it
         for line, message in errors:
             if not _HARMLESS.match(message):
                 raise SystemStructureError(f"{name}: breaks the SSP {version} schema: line {line}: {message}")
