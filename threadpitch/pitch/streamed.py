@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -118,7 +118,7 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
                          "pitch_tables")
     found: list[StreamedPitch] = []
     now: GroupStream | None = None
-    with closing(read_pieces(path, choice, signals)) as pieces, closing(_read_ahead(pieces)) as ahead:
+    with closing(_read_ahead(read_pieces(path, choice, signals))) as ahead:
         for group, piece in ahead:
             if now is None or now.group is not group:
                 if now is not None:
@@ -134,16 +134,24 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
     return found
 
 
-def _read_ahead(items: Iterable[_Item]) -> Generator[_Item]:
-    """The items, the next of which is read by a second thread meanwhile."""
-    source = iter(items)
+def _read_ahead(source: Generator[_Item]) -> Generator[_Item]:
+    """The items, the next of which is read by a second thread meanwhile; then the source is closed."""
     done: list[_Item] = []  # an object that is no item
+    reader = ThreadPoolExecutor(max_workers=1)
+    waits = True
 
     def following() -> _Item | list[_Item]:
         return next(source, done)
 
-    with ThreadPoolExecutor(max_workers=1) as reader:
+    try:
         coming = reader.submit(following)
         while (item := coming.result()) is not done:
             coming = reader.submit(following)
             yield item  # type: ignore[misc] # is not done
+    except KeyboardInterrupt:
+        waits = False  # the thread may hang on a pipe into which nobody writes
+        raise
+    finally:
+        reader.shutdown(wait=waits)
+        if waits:
+            source.close()

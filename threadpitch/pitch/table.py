@@ -52,13 +52,16 @@ class PitchTable:
         return cls(starts, movement, crossings, np.zeros(starts.size, dtype=np.bool_))
 
     def standstill(self) -> str:
-        """Which turns the position stood still in while others moved: a sensor that is stuck; empty for none."""
+        """Which turns the position stood still in: a sensor that is stuck; empty for none."""
         still = (self.pitch == 0.0).any(axis=0)
-        if not still.any() or not (np.abs(self.pitch) > 0.0).any():
+        if not still.any():
             return ""
+        if not (np.abs(self.pitch) > 0.0).any():
+            return "the position does not move in any turn: is its sensor stuck, or is it another axis?"
         turns = np.flatnonzero(still) + 1
         which = f"turn {turns[0]}" if turns.size == 1 else f"{turns.size} turns, the first of them {turns[0]}"
-        return f"the position does not move in {which}: is its sensor stuck, or is the axis not threading there?"
+        return (f"the position does not move in {which}: is its sensor stuck, or is the axis not threading there "
+                "(--synchronous finds the passes)?")
 
     @property
     def minimum(self) -> FloatArray:

@@ -25,6 +25,7 @@ from threadpitch.trace.soundness import TURN, FloatArray
 
 _HALF_A_TURN = 0.5 * TURN
 _WITHIN = 0.999
+_LOST = 0.5  # periods; a wrapped angle that goes further between two samples cannot be made continuous
 _INDEX_WITHIN = 1.5 * TURN  # rad, in which the first index must have come
 
 
@@ -66,6 +67,11 @@ class Group:
         """The recording has passes: their turns are counted from where each begins."""
         return self.chosen.group is not None or self.chosen.index_enable is not None or self.signals.synchronous
 
+    @property
+    def _found_by_motion(self) -> bool:
+        """Passes are looked for in the recording, which may have stopped between them."""
+        return self.chosen.index_enable is not None or self.signals.synchronous
+
     def add(self, raw: Piece) -> list[Piece]:
         """The pieces that are ready; the first wait until the turning direction and angle zero are known."""
         if self._levels is not None:
@@ -79,6 +85,7 @@ class Group:
                 time=None if raw.time is None else raw.time * self.chosen.time_factor,
             )
             piece = self._without_duplicates(piece)
+            self._refuse_lost_turns()
         self._waiting.append(piece)
         if self._sign == 0.0:
             self._find_direction(piece.angle)
@@ -123,6 +130,17 @@ class Group:
         lines = None if piece.lines is None else piece.lines[kept]
         return replace(piece, angle=piece.angle[kept], position=piece.position[kept], time=piece.time[kept],
                        lines=lines)
+
+    def _refuse_lost_turns(self) -> None:
+        """A wrapped angle does not tell how often it went round where samples are missing."""
+        period = self._angle.period
+        if not self._angle.wraps or not period or self._found_by_motion:
+            return
+        periods = self._clock.turned / (period * self.chosen.angle_factor)
+        if periods > _LOST:
+            raise TraceError(f"{self.source}, group {self.label!r}: samples are missing for {self._clock.longest:.4g} s, "
+                             f"in which the angle, that wraps at {period:.12g}, went round about {periods:.1f} times: "
+                             "part the recording there by a group (--group)")
 
     def _counted(self, raw: Piece) -> FloatArray:
         assert self._levels is not None
@@ -228,4 +246,11 @@ def _without_latency(trace: Trace, group: Group) -> Trace:
             raise TraceError(f"{trace.whole()}: {error}") from None
     note = f"the position is taken {1e3 * latency:.4g} ms later than recorded with the angle" + (
         ", as estimated from the spindle's speed (a feed that follows late looks the same)" if estimated else "")
-    return replace(trace, position=without_latency(trace.time, trace.position, latency), notes=(*trace.notes, note))
+    # At one end of the recording the other signal is not there yet, or no longer.
+    there = (trace.time + latency >= trace.time[0]) & (trace.time + latency <= trace.time[-1])
+    if np.count_nonzero(there) < 2:
+        raise TraceError(f"{trace.whole()}: the latency of {1e3 * latency:.4g} ms is longer than the recording, "
+                         f"{1e3 * (trace.time[-1] - trace.time[0]):.4g} ms; give it in ms")
+    position = without_latency(trace.time, trace.position, latency)
+    return replace(trace, angle=trace.angle[there], position=position[there], time=trace.time[there],
+                   lines=None if trace.lines is None else trace.lines[there], notes=(*trace.notes, note))

@@ -9,7 +9,7 @@ import numpy as np
 
 from threadpitch.compiled import compiled
 from threadpitch.trace.choice import Chosen, angle_factor, position_factor
-from threadpitch.trace.recording import TraceError
+from threadpitch.trace.recording import IntArray, TraceError
 from threadpitch.trace.soundness import TURN, FloatArray
 
 NEVER = 0.0  # as a period: the signal does not wrap
@@ -17,6 +17,7 @@ _COUNTERS = tuple(2.0**bits for bits in range(12, 33))  # counts, of encoders wh
 _LEAST_JUMP = 0.5  # of a period; a signal that moves further in a sample cannot be made continuous
 _USUAL = 1000  # samples by which the usual interval of time is told
 _GAP = 1.5  # usual intervals
+_BEFORE = 50  # samples before a gap by which the speed is told
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ class Continuous:
         """What was done; empty for nothing."""
         if not self.wraps or self.period is None:
             return ""
-        return f"the {self.name} wraps at {self.period:g}: made continuous over {self.wraps} wraps"
+        return f"the {self.name} wraps at {self.period:.12g}: made continuous over {self.wraps} wraps"
 
     def _find(self, jump: float) -> None:
         """A period is that of a wrapped signal when no two values up to the first jump are farther apart."""
@@ -152,9 +153,11 @@ class Clock:
     duplicates: int = 0
     gaps: int = 0
     longest: float = 0.0
+    turned: float = 0.0  # rad, at most in a place where samples are missing, by the speed before it
     _last: tuple[float, float, float] | None = None
     _intervals: list[float] = field(default_factory=list)
     _usual: float = 0.0
+    _tail: FloatArray = field(default_factory=lambda: np.empty((2, 0)))  # time and angle of the last samples
 
     def add(self, time: FloatArray, angle: FloatArray, position: FloatArray) -> FloatArray | None:
         """Which samples are kept (samples,) as True; None for all."""
@@ -163,7 +166,10 @@ class Clock:
         last = self._last or (-math.inf, 0.0, 0.0)
         self._last = float(time[-1]), float(angle[-1]), float(position[-1])
         steps = np.diff(time, prepend=last[0])
-        self._count_gaps(steps[np.isfinite(steps) & (steps > 0.0)])
+        long = self._gaps(steps)
+        if long.size:
+            self._turn_through(long, time, angle)
+        self._tail = np.concatenate((self._tail, (time[-_BEFORE:], angle[-_BEFORE:])), axis=1)[:, -_BEFORE:]
         twice = steps == 0.0
         if not twice.any():
             return None
@@ -181,13 +187,29 @@ class Clock:
                          "are interpolated over them")
         return found
 
-    def _count_gaps(self, steps: FloatArray) -> None:
+    def _gaps(self, steps: FloatArray) -> IntArray:
+        """The samples before which some are missing; counted."""
         if len(self._intervals) < _USUAL:
-            self._intervals += steps[: _USUAL - len(self._intervals)].tolist()
+            forward = steps[np.isfinite(steps) & (steps > 0.0)]
+            self._intervals += forward[: _USUAL - len(self._intervals)].tolist()
             self._usual = float(np.median(self._intervals)) if self._intervals else 0.0
-        long = steps[steps > _GAP * self._usual] if self._usual > 0.0 else steps[:0]
+        if self._usual <= 0.0:
+            return np.empty(0, np.int64)
+        long = np.flatnonzero((steps > _GAP * self._usual) & (steps < math.inf))
         self.gaps += long.size
-        self.longest = max(self.longest, float(long.max(initial=0.0)))
+        self.longest = max(self.longest, float(steps[long].max(initial=0.0)))
+        return long
+
+    def _turn_through(self, long: IntArray, time: FloatArray, angle: FloatArray) -> None:
+        """How far the spindle turns where samples are missing, by its speed in the samples before each place."""
+        before = self._tail.shape[1]
+        times, angles = np.concatenate((self._tail, (time, angle)), axis=1)
+        for sample in long[long + before > 1] + before:
+            begin = max(0, sample - _BEFORE)
+            passed = times[sample - 1] - times[begin]
+            if passed > 0.0:
+                speed = abs(angles[sample - 1] - angles[begin]) / passed
+                self.turned = max(self.turned, float(speed * (times[sample] - times[sample - 1])))
 
 
 def without_outliers(position: FloatArray, limit: float) -> tuple[FloatArray, int]:
