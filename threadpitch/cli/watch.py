@@ -22,7 +22,7 @@ from threadpitch.runs import Labels
 from threadpitch.runs.events import Running, Turn
 from threadpitch.store.records import LOG
 from threadpitch.tables import printable
-from threadpitch.trace import TURN, Group, Piece, watch_pieces
+from threadpitch.trace import TURN, Group, Piece, TraceError, watch_pieces
 from threadpitch.units import from_si
 
 
@@ -48,6 +48,8 @@ def watch(
     """Print each movement per revolution, with running minimum, maximum and mean, while the machine runs."""
     choice, signals = of_log.choice(), of_log.signals(target)
     starts = radians(start_angle or [0.0])
+    if idle is not None and idle <= 0.0:
+        raise TraceError(f"--idle is {idle:g} s; give a positive time")
     thread_pitch([0.0, TURN, 2.0 * TURN], [0.0, 1.0, 2.0])  # what is compiled is loaded before the first sample comes
     kept = Asked(store, tuple(publish or ()), Labels(machine, program_name, thread, serial, note))
     with keeping_run(kept, "log", str(log)) as keeper:

@@ -87,8 +87,8 @@ class GroupStream:
             raise TraceError(f"{self._label}: {size} samples; a pitch needs two and a whole turn between them")
         turns = (self._ends[1] - self._ends[0]) / TURN
         if turns > size:
-            raise TraceError(f"{self._label}: {turns:.0f} turns in {size} samples; is the unit of the angle really "
-                             f"{self.group.chosen.angle_unit}?")
+            raise TraceError(f"{self._label}: {turns:.0f} turns in {size} samples; "
+                             f"{self.group.chosen.angle_unit_doubt()}")
         table = self.pitches.final_table()
         points = None
         if self._interval is not None:

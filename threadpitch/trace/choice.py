@@ -13,8 +13,9 @@ from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import TURN
 
 _TIME_NAME = re.compile(r"(?:time|t|timestamps?|zeit|zeitstempel|temps|tempo|tiempo|時間|时间)[\s_]*"
-                        r"[\[(/]?\s*(s|ms|us|µs|μs|min|)\s*[\])]?", re.IGNORECASE)
+                        r"(?:[\[(/,]|\bin\b)?\s*(s|ms|us|µs|μs|min|)\s*[\])]?", re.IGNORECASE)
 _BRACKETS = re.compile(r"(?P<name>.*\S)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*")
+_AFTER_A_COMMA = re.compile(r"(?P<name>.*\S)(?:\s*,\s*|\s+in\s+)(?P<unit>[^\s,]+)\s*")  # Z, mm; Winkel in Grad
 _LAST_WORD = re.compile(r"(?P<name>.*?)\s*(?:_|\s/\s*|/)(?P<unit>[^_/\s]+)\s*")
 _UNIT_WORDS = {"revs", "rev", "turns", "revolutions", "counts", "umdrehungen"}
 _LISTED = 12  # columns that a message lists
@@ -26,7 +27,8 @@ _SPELLINGS = {"°": "deg", "grad": "deg", "gradi": "deg", "grados": "deg", "degr
               "degrees": "deg", "revs": "rev", "revolutions": "rev", "turn": "rev", "turns": "rev", "u": "rev",
               "umdr": "rev", "umdrehung": "rev", "umdrehungen": "rev", "tr": "rev", "tours": "rev", "giri": "rev",
               "vueltas": "rev", "counts": "count", "inc": "count", "incr": "count", "increments": "count",
-              "ticks": "count", "µm": "um", "μm": "um", "in": "inch", "inches": "inch", "µs": "us", "μs": "us",
+              "ticks": "count", "inkr": "count", "inkremente": "count", "impulse": "count", "imp": "count",
+              "pulses": "count", "cts": "count", "µm": "um", "μm": "um", "in": "inch", "inches": "inch", "µs": "us", "μs": "us",
               "sec": "s"}
 
 @dataclass(frozen=True)
@@ -118,6 +120,11 @@ class Chosen:
     def position_factor(self) -> float:
         """``m = factor * value``."""
         return position_factor(self.position_unit)
+
+    def angle_unit_doubt(self) -> str:
+        """What to say where the angle makes more turns than can be."""
+        other = "deg or count" if self.angle_unit == "rev" else "rev, deg, rad or count"
+        return f"is the unit of the angle really {self.angle_unit}? Give it: --angle-unit {other}"
 
     @property
     def time_factor(self) -> float:
@@ -213,11 +220,12 @@ def _time_column(names: Sequence[str], angle: int) -> int | None:
 
 
 def unit_of(name: str) -> str:
-    """The unit that the name of a column ends with: ``Z [mm]``, ``z (mm)``, ``z/mm``, ``z_mm``; "" for none."""
+    """The unit that the name of a column ends with: ``Z [mm]``, ``z (mm)``, ``z/mm``, ``z, mm``, ``z in mm``, ``z_mm``; ""
+    for none."""
     match = _TIME_NAME.fullmatch(name)
     if match is not None:
         return _known(match[1])
-    for pattern in (_BRACKETS, _LAST_WORD):
+    for pattern in (_BRACKETS, _AFTER_A_COMMA, _LAST_WORD):
         match = pattern.fullmatch(name)
         if match is not None and _known(match["unit"]):
             return _known(match["unit"])
@@ -248,7 +256,9 @@ def _named_or_guessed(place: str, names: list[str], told: list[str], name: str |
     best = max(scores, default=0)
     equal = [i for i, score in enumerate(scores) if score == best]
     option = f"--{quantity} COLUMN"
-    if best < 3:
+    if best < 3 and quantity == "angle":  # S1 [deg]: one column alone has a unit of an angle
+        equal = [i for i, unit in enumerate(told) if unit in of_quantity and score(names[i], "position") < 3]
+    if best < 3 and not (quantity == "angle" and len(equal) == 1):
         raise TraceError(f"{place}: no column is called like the {quantity}; choose one with {option}, by name or "
                          f"number, out of {_numbered(names, range(min(len(names), _LISTED)), ', ')}")
     if len(equal) > 1:

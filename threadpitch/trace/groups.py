@@ -220,7 +220,7 @@ def _trace(group: Group, parts: list[Piece]) -> Trace:
     turns = (trace.angle[-1] - trace.angle[0]) / TURN
     if turns > trace.angle.size:
         raise TraceError(f"{trace.whole()}: {turns:.0f} turns in {trace.angle.size} samples; "
-                         f"is the unit of the angle really {group.chosen.angle_unit}?")
+                         f"{group.chosen.angle_unit_doubt()}")
     return _without_latency(_without_outliers(trace, group), group)
 
 

@@ -73,4 +73,5 @@ def fault_text(angle: FloatArray, position: FloatArray, sample: int, peak: float
     if peak - angle[0] < TURN and np.count_nonzero(steps < 0.0) > np.count_nonzero(steps > 0.0):
         return "the angle counts down; give it counted up in the turning direction (the negative of it)"
     return (f"the spindle turns back from {peak / TURN:.4f} to {angle[sample] / TURN:.4f} turns; end the trace before "
-            "the reversal; if the angle restarts there, name the group column; if it wraps, make it continuous")
+            "the reversal; if the angle restarts there, name the group column; if it wraps, give the period "
+            "(--angle-wrap), or its unit (--angle-unit deg)")
