@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import logging
-import math
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from threadpitch.trace.array_log import ArrayLog, Columns
 from threadpitch.trace.channels import Channel, aligned, clock_notes
 from threadpitch.trace.choice import ColumnChoice, brief, is_time, time_factor
 from threadpitch.trace.cut_off import cut_off
+from threadpitch.trace.mat_file import MOST_COLUMNS, MatFile
 from threadpitch.trace.passes import Array
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import FloatArray
@@ -112,18 +112,25 @@ def _parquet(path: Path, choice: ColumnChoice) -> ArrayLog:
 
 
 def _hdf5(path: Path, choice: ColumnChoice) -> ArrayLog:
-    """All datasets of one dimension, or of one row or column (MATLAB 7.3), by their path.
+    """All datasets of one dimension, or of one row or column (MATLAB 7.3), by their path; of tables each column.
 
     The clock of a dataset is the dataset called time of the same length in its group, or in the next one above.
     """
     h5py = _library("h5py", path, "hdf5")
     found: dict[str, tuple[int, str]] = {}  # path: length, unit
+    tables: dict[str, tuple[str, int]] = {}  # column: dataset, place in there from 0
 
     def visit(name: str, one: Any) -> None:
-        vector = isinstance(one, h5py.Dataset) and one.size == max(one.shape, default=0)
-        if vector and one.dtype.kind in "fiubSO":
-            unit = one.attrs.get("unit", one.attrs.get("units", ""))
-            found[name] = one.size, unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
+        if not isinstance(one, h5py.Dataset) or one.dtype.kind not in "fiubSO":
+            return
+        unit = one.attrs.get("unit", one.attrs.get("units", ""))
+        text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
+        if one.size == max(one.shape, default=0):
+            found[name] = one.size, text
+        elif one.ndim == 2 and min(one.shape) <= MOST_COLUMNS and one.size:
+            for place in range(min(one.shape)):
+                tables[f"{name}/{place + 1}"] = name, place
+                found[f"{name}/{place + 1}"] = max(one.shape), ""
 
     with h5py.File(path, "r") as file:
         file.visititems(visit)
@@ -132,11 +139,15 @@ def _hdf5(path: Path, choice: ColumnChoice) -> ArrayLog:
 
     def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
         with h5py.File(path, "r") as file:
+            def vector(name: str) -> Callable[[int, int], Array]:
+                dataset, place = tables.get(name, (name, 0))
+                return partial(_vector, file[dataset], place)
+
             def channel(i: int) -> Channel:
                 clock = clocks[i]
                 seconds = 1.0 if clock is None else time_factor(clock, found[clock][1])
-                return Channel(names[i], found[names[i]][0], partial(_vector, file[names[i]]), clock,
-                               None if clock is None else lambda a, b: seconds * _vector(file[clock], a, b))
+                return Channel(names[i], found[names[i]][0], vector(names[i]), clock,
+                               None if clock is None else lambda a, b: seconds * vector(clock)(a, b))
 
             yield from aligned([channel(i) for i in wanted], CHUNK)
 
@@ -156,24 +167,22 @@ def _clock_beside(name: str, sizes: dict[str, int]) -> str | None:
     return None
 
 
-def _vector(dataset: Any, first: int, last: int) -> Array:
+def _vector(dataset: Any, place: int, first: int, last: int) -> Array:
+    """Samples of a vector, or of the column at this place of a table, whose longer side is the time."""
     if dataset.ndim == 1:
         return np.asarray(dataset[first:last])
-    return np.asarray(dataset[first:last, 0] if dataset.shape[0] > 1 else dataset[0, first:last])
+    along = dataset.shape[0] >= dataset.shape[1]
+    return np.asarray(dataset[first:last, place] if along else dataset[place, first:last])
 
 
 def _mat(path: Path, choice: ColumnChoice) -> ArrayLog:
-    """MATLAB up to version 7: all vectors; those that are chosen are read, and wholly."""
-    from scipy.io import loadmat, whosmat  # takes its time to load
-
-    names = [name for name, shape, _ in whosmat(path) if math.prod(shape) == max(shape, default=0) > 1]
+    """MATLAB up to version 7: what is chosen is held in memory."""
+    file = MatFile(path)
 
     def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
-        chosen = [names[i] for i in wanted]
-        vectors = loadmat(path, variable_names=chosen)
-        yield [np.asarray(vectors[name]).ravel() for name in chosen]
+        yield file.read(wanted)
 
-    return _log(path, "MAT", Columns(names, [""] * len(names), chunks), choice)
+    return _log(path, "MAT", Columns(file.names, [""] * len(file.names), chunks), choice)
 
 
 def _tdms(path: Path, choice: ColumnChoice) -> ArrayLog:
