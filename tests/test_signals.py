@@ -110,6 +110,43 @@ def test_a_latency_is_taken_away_and_can_be_estimated(tmp_path: Path) -> None:
         read(without, choice, Signals(latency=0.001))
 
 
+@pytest.mark.parametrize("late", [3, -3])
+def test_a_latency_leaves_out_the_end_that_one_signal_lacks(tmp_path: Path, late: int) -> None:
+    """The position of sample k was recorded with sample k + late; held at an end it would be a turn too short."""
+    shifted = np.roll(Z, late)[max(late, 0) : Z.size + min(late, 0)]
+    kept = slice(max(late, 0), Z.size + min(late, 0))
+    path = write(tmp_path / "log.csv", time=TIME[kept], revs=REVS[kept], z_mm=shifted)
+    pitch, notes = read(path, ColumnChoice(), Signals(latency=1e-3 * late))
+    there = slice(2 * max(late, 0) - late, Z.size + 2 * min(late, 0) - late)
+    whole = thread_pitch(TURN * REVS[there], 1e-3 * Z[there]).pitch[0]
+    np.testing.assert_allclose(pitch, whole, rtol=0.0, atol=1e-12)
+    assert any("ms later than recorded" in note for note in notes)
+
+
+def test_a_latency_that_is_longer_than_the_recording_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", time=TIME, revs=REVS, z_mm=Z)
+    with pytest.raises(TraceError, match="latency of 1e\\+06 ms is longer than the recording, 2999 ms"):
+        read(path, ColumnChoice(), Signals(latency=1e3))
+
+
+@pytest.mark.parametrize("missing", [0.03, 0.5])
+def test_turns_that_a_wrapped_angle_lost_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                     missing: float) -> None:
+    """A quarter of a turn can be bridged, four turns cannot; in pieces as in the whole."""
+    kept = (TIME < 1.1) | (TIME > 1.1 + missing)
+    path = write(tmp_path / "log.csv", time=TIME[kept], angle_deg=(360.0 * REVS % 360.0)[kept], z_mm=Z[kept])
+    if missing < 0.1:
+        pitch, _ = read(path, ColumnChoice())
+        np.testing.assert_allclose(pitch, CONTINUOUS, rtol=0.0, atol=2e-5)
+        return
+    for block in (text_rows.BLOCK, 3000):
+        monkeypatch.setattr(text_rows, "BLOCK", block)
+        with pytest.raises(TraceError, match=r"wraps at 360, went round about [34]\.\d times: part the recording"):
+            stream_pitches(path, ColumnChoice(), (0.0,))
+    continuous = write(tmp_path / "revs.csv", time=TIME[kept], revs=REVS[kept], z_mm=Z[kept])
+    assert read(continuous, ColumnChoice())[0].size == CONTINUOUS.size
+
+
 def test_missing_and_repeated_samples_are_listed(tmp_path: Path) -> None:
     kept = np.sort(np.concatenate([np.delete(np.arange(3000), slice(700, 705)), [100, 100, 2000]]))
     path = write(tmp_path / "log.csv", time_s=TIME[kept], revs=REVS[kept], z_mm=Z[kept])
@@ -129,6 +166,12 @@ def test_outliers_are_mended_and_a_stuck_sensor_is_named(tmp_path: Path) -> None
     path = write(tmp_path / "stuck.csv", revs=REVS, z_mm=np.where(TIME > 1.5, Z[1500], Z))
     _, notes = read(path, ColumnChoice("revs", "z_mm"))
     assert notes[-1].startswith("the position does not move in 12 turns, the first of them 13")
+
+
+def test_a_position_that_never_moves_is_named(tmp_path: Path) -> None:
+    pitch, notes = read(write(tmp_path / "log.csv", revs=REVS, z_mm=np.ones(REVS.size)), ColumnChoice())
+    assert not pitch.any()
+    assert "does not move in any turn" in notes[-1]
 
 
 def test_a_reversal_is_named_where_it_stands_in_the_file(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ MISSING = "-"
 _EXTRAPOLATED = "* begins before the first sample: extrapolated from the first two samples"
 _TURN_COLUMNS = 24  # characters of the columns for rotation angle and rotation number
 _START_COLUMN = 12  # characters of the column of one start angle
+_UNCERTAINTY_COLUMN = 9  # characters of its standard uncertainties
 _NARROW = _TURN_COLUMNS + _START_COLUMN + 2  # below it the rotation angle is left out
 _NARROW_STATISTICS = 56  # below it start angles are columns of the statistics
 _LEAST, _GREATEST = "blue", "magenta"  # colours of a start angle's least and greatest movement
@@ -148,19 +149,22 @@ def _uncertainty(values: FloatArray) -> str:
 
 def _movement_tables(table: PitchTable, layout: Layout) -> Iterator[Table]:
     count = table.start_angles.size
-    per_table = max(1, (layout.width - _TURN_COLUMNS) // _START_COLUMN)
+    own = _START_COLUMN + (0 if table.uncertainty is None else _UNCERTAINTY_COLUMN)
+    per_table = max(1, (layout.width - _TURN_COLUMNS) // own)
     for first in range(0, count, per_table):
         columns = range(first, min(first + per_table, count))
         yield _movement_table(table, columns, layout)
 
 
 def _movement_table(table: PitchTable, columns: range, layout: Layout) -> Table:
-    headings = ["Rotation\nangle [deg]", "Number\nn [rev]", *(_heading(table, column) for column in columns)]
+    beside = [] if table.uncertainty is None else ["u\n[um]"]
+    headings = ["Rotation\nangle [deg]", "Number\nn [rev]",
+                *(heading for column in columns for heading in (_heading(table, column), *beside))]
     narrow = layout.width < _NARROW
     made = _table(headings[1:] if narrow else headings, layout)
     for turn in range(table.pitch.shape[1]):
         angle = [] if narrow else [str(360 * (turn + 1 + table.turns_before))]
-        cells = [_cell(table, column, turn, layout.decimals) for column in columns]
+        cells = [cell for column in columns for cell in _cells(table, column, turn, layout.decimals)]
         made.add_row(*angle, str(turn + 1), *cells)
     return made
 
@@ -241,6 +245,15 @@ def _cell(table: PitchTable, column: int, turn: int, decimals: int) -> Text:
     first = table.extrapolated[column] and text != MISSING and (turn == 0 or math.isnan(table.pitch[column, turn - 1]))
     style = {float(table.minimum[column]): _LEAST, float(table.maximum[column]): _GREATEST}.get(pitch, "")
     return Text(f"{text}*" if first else text, style=style)
+
+
+def _cells(table: PitchTable, column: int, turn: int, decimals: int) -> list[Text]:
+    """P(n), and its standard uncertainty where that is known."""
+    pitch = _cell(table, column, turn, decimals)
+    if table.uncertainty is None:
+        return [pitch]
+    uncertainty = float(table.uncertainty[column, turn])
+    return [pitch, Text(MISSING if math.isnan(uncertainty) else f"{from_si(uncertainty, 'um'):.2f}")]
 
 
 def _number(value: float, decimals: int) -> str:

@@ -259,7 +259,7 @@ def _mdf(path: Path, choice: ColumnChoice) -> ArrayLog:
         places = [(g, c) for g, group in enumerate(file.groups) for c, _ in enumerate(group.channels)
                   if file.masters_db.get(g) != c]
         names = [file.groups[g].channels[c].name for g, c in places]
-        units = [file.groups[g].channels[c].unit or "" for g, c in places]
+        units = [file.get_channel_unit(group=g, index=c) or "" for g, c in places]  # MDF 3 keeps them in the conversion
 
     def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
         with open(path, "rb") as stream, asammdf.MDF(stream) as file:  # asammdf leaves a damaged file open
