@@ -22,7 +22,7 @@ ENCODER = ("--angle", "spindle_revs_encoder", "--position", "z_fb_mm", "--group"
 COLUMNS = ("--angle", "angle", "--position", "z", "--group", "pass")
 HEADER = ("time", "angle", "z", "pass")
 LEAD = 1.5  # mm
-Row = tuple[object, ...]
+Row = tuple[Any, ...]
 WriteLog = Callable[..., Path]
 
 
@@ -219,12 +219,23 @@ def test_a_group_of_less_than_a_turn_is_named(threadpitch: Command, write_log: W
     ((*COLUMNS, "second.csv"), r"unexpected extra argument.*second\.csv.*; see threadpitch analyze --help"),
     (("--angle", "angle", "--latency", "long"), r"'--latency': 'long' is not a number; write it like"),
     ((*COLUMNS, "--screw-lead", "-5"), r"screw lead is -0\.005; give a positive number"),
+    ((*COLUMNS, "--gear-ratio", "3"), r"--gear-ratio and --position-counts-per-turn are .*; give --screw-lead"),
     ((*COLUMNS, "--screw-lead", "5"), r"'mm' is not a unit of the motor's angle; with a screw lead"),
 ])
 def test_wrong_options(threadpitch: Command, write_log: WriteLog, options: tuple[str, ...], message: str) -> None:
     outcome = threadpitch("analyze", write_log(turns()), *options)
     assert (outcome.status, outcome.out) == (2, "")
     assert_one_line(outcome.err, message)
+
+
+def test_every_pitch_by_edges_has_its_uncertainty_beside_it(threadpitch: Command, write_log: WriteLog) -> None:
+    log = write_log([(time, angle, z + 1e-4 * math.sin(37e3 * time), label)
+                     for time, angle, z, label in turns(4.0, samples=2000)])
+    outcome = threadpitch("analyze", log, *COLUMNS, "--crossing", "edges", "--start-angle", "0", "90")
+    found = json.loads(threadpitch("analyze", log, *COLUMNS, "--crossing", "edges", "--json").out)["groups"][0]
+    assert "| theta_S1 |    u | theta_S2 |    u |" in outcome.out
+    second = next(line for line in outcome.out.splitlines() if "|       2 |" in line).split("|")
+    assert float(second[4]) == round(1e3 * found["uncertainty_mm"][0][1], 2) > 0.0
 
 
 def test_logs_that_are_none(threadpitch: Command, tmp_path: Path, write_log: WriteLog) -> None:

@@ -158,3 +158,19 @@ def test_a_full_disk_under_standard_output_is_told_once(workplace: Path) -> None
     _, err = done.communicate(timeout=LONGEST_WAIT)
     assert done.returncode == 2
     assert_one_line(err.decode(), "standard output cannot be written")
+
+
+@POSIX
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_a_pipe_into_which_nobody_writes_is_left_at_once(sent: signal.Signals) -> None:
+    with process("analyze", "-", stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as analyzing:
+        assert analyzing.stdin is not None
+        analyzing.stdin.write(b"revs,z_mm\n" + b"".join(b"%.1f,%.2f\n" % (0.1 * k, 0.15 * k) for k in range(20000)))
+        analyzing.stdin.flush()  # more than a pipe holds: it reads, and waits for the rest
+        analyzing.send_signal(sent)
+        try:
+            assert analyzing.wait(LONGEST_WAIT) == 128 + sent
+        finally:
+            analyzing.kill()
+        assert analyzing.stderr is not None
+        assert analyzing.stderr.read() == b"threadpitch: interrupted\n"

@@ -10,7 +10,7 @@ import pytest
 
 from tests.conftest import Command
 from threadpitch.pitch import pitch_tables
-from threadpitch.trace import ColumnChoice, FloatArray, chosen_columns
+from threadpitch.trace import ColumnChoice, FloatArray, TraceError, chosen_columns
 from threadpitch.trace.choice import choose
 
 NCK = "/Nck/!SD/nckServoData"
@@ -43,6 +43,25 @@ def test_columns_by_the_names_of_controls(names: list[str], angle: int, position
     assert (names[chosen.angle], names[chosen.position]) == (names[angle], names[position])
     assert chosen.following_error == (None if error is None else names[error])
     assert chosen.command == (None if command is None else names[command])
+
+
+@pytest.mark.parametrize(("names", "units"), [
+    (["Zeit in s", "Spindelwinkel in Grad", "Weg Z in µm"], ("deg", "um", "s")),
+    (["Time, ms", "Spindle angle, deg", "Z, m"], ("deg", "m", "ms")),
+    (["t", "S1 [°]", "Z1 [mm]"], ("deg", "mm", "s")),
+    (["Zeit (ms)", "Rotorlage [Grad]", "Schlittenposition"], ("deg", "mm", "ms")),
+    (["Time in spindle revs", "spindle in motion", "z"], ("rev", "mm", "s")),  # words that are no units
+])
+def test_units_as_they_are_written_and_an_angle_by_its_unit(names: list[str], units: tuple[str, str, str]) -> None:
+    chosen = choose("log", names, ColumnChoice(angle="2" if "motion" in names[1] else None))
+    assert (chosen.angle, chosen.position) == (1, 2)
+    assert (chosen.angle_unit, chosen.position_unit, chosen.time_unit) == units
+    assert chosen.time == (None if "revs" in names[0] else 0)
+
+
+def test_two_columns_with_a_unit_of_angles_are_not_guessed() -> None:
+    with pytest.raises(TraceError, match="no column is called like the angle"):
+        choose("log", ["A [deg]", "B [deg]", "Z [mm]"], ColumnChoice())
 
 
 TIME: FloatArray = 1e-3 * np.arange(4500.0)

@@ -86,6 +86,21 @@ def mdf(path: Path) -> None:
         file.save(path, overwrite=True)
 
 
+def mdf3(path: Path) -> None:
+    """The units are in the conversions of the channels."""
+    from asammdf import MDF, Signal
+    with MDF(version="3.30") as file:
+        file.append([Signal(360.0 * REVS, TIME, "deg", "SpindleAngle"), Signal(1e-3 * Z, TIME, "m", "ActPosZ"),
+                     Signal(PASS, TIME, "", "pass")])
+        file.save(path, overwrite=True)
+
+
+def structure(path: Path) -> None:
+    from scipy.io import savemat
+    feed = {"z_mm": Z, "name": "Z"}
+    savemat(path, {"log": {"time": TIME, "spindle_revs": REVS, "feed": feed, "pass": PASS, "rate": 1000.0}})
+
+
 def csv(lines: list[str], separator: str = ",", comma: bool = False) -> str:
     for row in zip(TIME, REVS, Z, PASS, strict=True):
         fields = [f"{value:.12g}" for value in row]
@@ -95,7 +110,7 @@ def csv(lines: list[str], separator: str = ",", comma: bool = False) -> str:
 
 WRITERS: dict[str, Callable[[Path], None]] = {
     "log.parquet": parquet, "folder": parquet_folder, "log.h5": hdf5, "log.mat": mat, "log.tdms": tdms,
-    "log.mf4": mdf,
+    "log.mf4": mdf, "log.mdf": mdf3, "structure.mat": structure,
 }
 
 
@@ -125,6 +140,21 @@ def test_texts_as_machines_write_them(tmp_path: Path, name: str, packed: bool) -
     path = tmp_path / "log.csv"
     path.write_bytes(gzip.compress(TEXTS[name].encode()) if packed else TEXTS[name].encode())
     assert_read(path, within=1e-12)
+
+
+@pytest.mark.parametrize("form", ["MAT", "HDF5", "HDF5, a row per signal"])
+def test_the_columns_of_a_table_are_chosen_by_number(tmp_path: Path, form: str) -> None:
+    path, table = tmp_path / "log", np.column_stack([TIME, REVS, Z, PASS])
+    if form == "MAT":
+        from scipy.io import savemat
+        savemat(path, {"trace": table}, appendmat=False)
+    else:
+        import h5py
+        with h5py.File(path, "w") as file:
+            file["trace"] = table if form == "HDF5" else table.T
+    assert_read(path, ColumnChoice("2", "trace/3", time="1", group="4"))
+    with pytest.raises(TraceError, match="out of 1 'trace/1', 2 'trace/2', 3 'trace/3', 4 'trace/4'"):
+        pitch_tables(path, ColumnChoice())
 
 
 def test_columns_by_number_where_there_is_no_header(tmp_path: Path) -> None:

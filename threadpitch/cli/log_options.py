@@ -78,7 +78,7 @@ class LogOptions:
             raise TraceError(f"--target is {target_mm:g} mm; give a positive movement per revolution")
         screw = None if self.screw_lead is None else _MM * self.screw_lead
         if screw is None and (self.gear_ratio != 1.0 or self.position_counts_per_turn is not None):
-            raise TraceError("--gear-ratio and --position-counts-per-turn are of a motor's angle; give --screw-lead too")
+            raise TraceError("--gear-ratio and --position-counts-per-turn are of a motor's angle; give --screw-lead")
         parted = self.synchronous or self.index_enable is not None
         lead = _MM * target_mm if parted and target_mm is not None else None
         return Signals(self.angle_wrap, self.position_wrap, screw, self.gear_ratio, self.position_counts_per_turn,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -118,7 +117,7 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
                          "pitch_tables")
     found: list[StreamedPitch] = []
     now: GroupStream | None = None
-    with closing(_read_ahead(read_pieces(path, choice, signals))) as ahead:
+    with _ReadAhead(read_pieces(path, choice, signals)) as ahead:
         for group, piece in ahead:
             if now is None or now.group is not group:
                 if now is not None:
@@ -134,24 +133,29 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
     return found
 
 
-def _read_ahead(source: Generator[_Item]) -> Generator[_Item]:
-    """The items, the next of which is read by a second thread meanwhile; then the source is closed."""
-    done: list[_Item] = []  # an object that is no item
-    reader = ThreadPoolExecutor(max_workers=1)
-    waits = True
+class _ReadAhead(Generic[_Item]):
+    """The items, the next of which is read by a second thread meanwhile; closes their source at the end."""
 
-    def following() -> _Item | list[_Item]:
-        return next(source, done)
+    def __init__(self, source: Generator[_Item]) -> None:
+        self._source = source
+        self._reader = ThreadPoolExecutor(max_workers=1)
 
-    try:
-        coming = reader.submit(following)
+    def __enter__(self) -> _ReadAhead[_Item]:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        interrupted = kind is not None and issubclass(kind, KeyboardInterrupt)
+        self._reader.shutdown(wait=not interrupted)  # the thread may hang on a pipe into which nobody writes
+        if not interrupted:
+            self._source.close()
+
+    def __iter__(self) -> Iterator[_Item]:
+        done: list[_Item] = []  # an object that is no item
+
+        def following() -> _Item | list[_Item]:
+            return next(self._source, done)
+
+        coming = self._reader.submit(following)
         while (item := coming.result()) is not done:
-            coming = reader.submit(following)
+            coming = self._reader.submit(following)
             yield item  # type: ignore[misc] # is not done
-    except KeyboardInterrupt:
-        waits = False  # the thread may hang on a pipe into which nobody writes
-        raise
-    finally:
-        reader.shutdown(wait=waits)
-        if waits:
-            source.close()

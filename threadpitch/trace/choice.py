@@ -28,8 +28,8 @@ _SPELLINGS = {"°": "deg", "grad": "deg", "gradi": "deg", "grados": "deg", "degr
               "umdr": "rev", "umdrehung": "rev", "umdrehungen": "rev", "tr": "rev", "tours": "rev", "giri": "rev",
               "vueltas": "rev", "counts": "count", "inc": "count", "incr": "count", "increments": "count",
               "ticks": "count", "inkr": "count", "inkremente": "count", "impulse": "count", "imp": "count",
-              "pulses": "count", "cts": "count", "µm": "um", "μm": "um", "in": "inch", "inches": "inch", "µs": "us", "μs": "us",
-              "sec": "s"}
+              "pulses": "count", "cts": "count", "µm": "um", "μm": "um", "in": "inch", "inches": "inch", "µs": "us",
+              "μs": "us", "sec": "s"}
 
 @dataclass(frozen=True)
 class ColumnChoice:
@@ -220,8 +220,9 @@ def _time_column(names: Sequence[str], angle: int) -> int | None:
 
 
 def unit_of(name: str) -> str:
-    """The unit that the name of a column ends with: ``Z [mm]``, ``z (mm)``, ``z/mm``, ``z, mm``, ``z in mm``, ``z_mm``; ""
-    for none."""
+    """The unit that the name of a column ends with: ``Z [mm]``, ``z (mm)``, ``z/mm``, ``z, mm``, ``z in mm``,
+    ``z_mm``; "" for none.
+    """
     match = _TIME_NAME.fullmatch(name)
     if match is not None:
         return _known(match[1])

@@ -138,9 +138,9 @@ class Group:
             return
         periods = self._clock.turned / (period * self.chosen.angle_factor)
         if periods > _LOST:
-            raise TraceError(f"{self.source}, group {self.label!r}: samples are missing for {self._clock.longest:.4g} s, "
-                             f"in which the angle, that wraps at {period:.12g}, went round about {periods:.1f} times: "
-                             "part the recording there by a group (--group)")
+            raise TraceError(f"{self.source}, group {self.label!r}: samples are missing for "
+                             f"{self._clock.longest:.4g} s, in which the angle, that wraps at {period:.12g}, "
+                             f"went round about {periods:.1f} times: part the recording there by a group (--group)")
 
     def _counted(self, raw: Piece) -> FloatArray:
         assert self._levels is not None
