@@ -168,6 +168,18 @@ def test_outliers_are_mended_and_a_stuck_sensor_is_named(tmp_path: Path) -> None
     assert notes[-1].startswith("the position does not move in 12 turns, the first of them 13")
 
 
+def test_an_angle_that_stands_while_the_feed_moves_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "log.csv", revs=np.minimum(REVS, REVS[1500]), z_mm=Z)
+    moved = abs(Z[-1] - Z[1500])
+    for block in (text_rows.BLOCK, 3000):
+        monkeypatch.setattr(text_rows, "BLOCK", block)
+        (group,) = stream_pitches(path, ColumnChoice())
+        assert f"stands still at the end, while the position moves by {moved:.4g} mm" in group.table.notes[-1]
+    for still in (write(tmp_path / "whole.csv", revs=REVS, z_mm=Z),
+                  write(tmp_path / "both.csv", revs=np.minimum(REVS, REVS[1500]), z_mm=np.minimum(Z, Z[1500]))):
+        assert not any("stands still" in note for note in read(still, ColumnChoice())[1])
+
+
 def test_a_position_that_never_moves_is_named(tmp_path: Path) -> None:
     pitch, notes = read(write(tmp_path / "log.csv", revs=REVS, z_mm=np.ones(REVS.size)), ColumnChoice())
     assert not pitch.any()

@@ -17,6 +17,7 @@ from threadpitch.trace.signals import (
     Clock,
     Continuous,
     Signals,
+    Standing,
     estimated_latency,
     without_latency,
     without_outliers,
@@ -47,6 +48,7 @@ class Group:
         self._position = Continuous("position", signals.position_wrap, math.inf)
         self._position_factor = signals.position_factor(chosen.position_unit)
         self._clock = Clock()
+        self._end = Standing()
         self._levels = None if chosen.angle_b is None else Quadrature(chosen.counts_per_turn or turn)
         self._first: float | None = None
         self._sign = 0.0  # of the angle's first half turn
@@ -86,6 +88,7 @@ class Group:
             )
             piece = self._without_duplicates(piece)
             self._refuse_lost_turns()
+        self._end.add(piece.angle, piece.position)
         self._waiting.append(piece)
         if self._sign == 0.0:
             self._find_direction(piece.angle)
@@ -117,6 +120,8 @@ class Group:
                  self._position.note(), *self._clock.notes()]
         if self._sign < 0.0:
             found.append("the angle counts down: turned around, so that it counts up in the turning direction")
+        if not self._found_by_motion:
+            found.append(self._end.note())
         if self.movement is not None:
             found.append(f"taken is the part in which the feed moves {1e3 * abs(self.movement):.4g} mm per turn")
         return tuple(note for note in [*found, *self.notes] if note)

@@ -212,6 +212,37 @@ class Clock:
                 self.turned = max(self.turned, float(speed * (times[sample] - times[sample - 1])))
 
 
+@dataclass
+class Standing:
+    """Whether the angle stands still at the end while the position moves on: its sensor may be stuck."""
+
+    _begin: tuple[float, float] | None = None  # angle and position of the first sample
+    _since: tuple[float, float] = (math.nan, math.nan)  # of the first sample with the angle of the last one
+    _last: float = math.nan  # position
+
+    def add(self, angle: FloatArray, position: FloatArray) -> None:
+        """The next samples."""
+        if angle.size == 0:
+            return
+        self._begin = self._begin or (float(angle[0]), float(position[0]))
+        other = (angle != angle[-1])[::-1]
+        equal = int(np.argmax(other)) if other.any() else angle.size
+        if equal < angle.size or angle[-1] != self._since[0]:
+            self._since = float(angle[-1]), float(position[angle.size - equal])
+        self._last = float(position[-1])
+
+    def note(self) -> str:
+        """That it stands while the position moves by more than in a turn; empty where it does not."""
+        if self._begin is None:
+            return ""
+        turns = abs(self._since[0] - self._begin[0]) / TURN
+        before, after = abs(self._since[1] - self._begin[1]), abs(self._last - self._since[1])
+        if turns < 1.0 or not after > before / turns > 0.0:
+            return ""
+        return (f"the angle stands still at the end, while the position moves by {1e3 * after:.4g} mm: is its sensor "
+                "stuck, or did the spindle stop?")
+
+
 def without_outliers(position: FloatArray, limit: float) -> tuple[FloatArray, int]:
     """(the positions (samples,) m with single samples that stick out put between their neighbours, how many).
 
