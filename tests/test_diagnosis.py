@@ -11,7 +11,7 @@ import pytest
 from tests.conftest import Command, assert_one_line
 from tests.test_faults import run
 from threadpitch import faults, lathe
-from threadpitch.diagnosis import Diagnosis, diagnose, diagnosis_document, diagnosis_lines
+from threadpitch.diagnosis import UNCERTAINTY, Diagnosis, diagnose, diagnosis_document, diagnosis_lines
 from threadpitch.judgement import ControlParts
 from threadpitch.measuring import MeasuringPlan
 
@@ -31,13 +31,13 @@ def control(name: str) -> ControlParts:
     return parts
 
 
-IN_THE_METAL = sorted(set(faults.fault_names()) - {"backlash"})  # which shows in a turn that begins before it
-
-
-@pytest.mark.parametrize("name", IN_THE_METAL)
-def test_the_verdict_is_the_faults_cause(name: str) -> None:
-    """Exact pitches, judged as if each had an uncertainty of 0.5 um."""
-    assert found(name).verdict.cause == faults.read_fault(name).cause, found(name).verdict.sentence
+@pytest.mark.parametrize("uncertainty", [UNCERTAINTY, FINE])
+@pytest.mark.parametrize("name", faults.fault_names())
+def test_the_verdict_is_the_faults_cause(name: str, uncertainty: float) -> None:
+    """Of every fault of the library as ``run --fault`` judges it, and with half of its uncertainty."""
+    result = diagnose(run(name), uncertainty=uncertainty)
+    assert result is not None
+    assert result.verdict.cause == faults.read_fault(name).cause, result.verdict.sentence
 
 
 @pytest.mark.parametrize("name", ["none", "spindle_dip", "periodic_screw_error"])
