@@ -44,11 +44,13 @@ class _Question:
     target: float  # m
     uncertainty: float | None  # m
     screw_turns: float | None
+    negligible: float | None = None  # m, deviation of a pitch that does not matter
     parts: int = 1  # rows that are judged: as many times the shapes to choose from
 
 
 def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread | Sequence[MeasuredThread], *,
-          target: float, uncertainty: float | None = None, screw_lead: float | None = None) -> Verdict:
+          target: float, uncertainty: float | None = None, screw_lead: float | None = None,
+          negligible: float | None = None) -> Verdict:
     """Cause of the fluctuation of a thread's pitches: control, mechanical, both, none or undetermined.
 
         P_measured(n) - P_ref = g (P_nominal(n) - P_ref) + rest(n) + noise,  g = 1 but for what the control cannot see
@@ -64,6 +66,9 @@ def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
         uncertainty: standard uncertainty of one measured pitch, m; those of a measured thread win. That of the nominal
             pitches' crossings counts besides where their table has one.
         screw_lead: lead of the feed's ball screw, m: finds what repeats with its turns.
+        negligible: deviation of one pitch, m, that does not matter: a cause is called absent only where it surely makes
+            no larger one, else the verdict is undetermined. None: five uncertainties, or as much as the cause that is
+            named.
 
     Tables of different length are laid over one another by turn numbers or positions, or where there are none, by
     their fluctuations, if those leave no doubt. More than ``MOST_TURNS`` turns are judged in stretches.
@@ -73,7 +78,7 @@ def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
 
     Source: US 2016/0008901 A1, paragraphs 46 to 51.
     """
-    question = _question(target, uncertainty, screw_lead)
+    question = _question(target, uncertainty, screw_lead, negligible)
     rows = _rows(nominal, measured)
     question = replace(question, parts=len(rows))
     for row in rows:
@@ -92,11 +97,13 @@ class _Row:
     measured: MeasuredThread
 
 
-def _question(target: float, uncertainty: float | None, screw_lead: float | None) -> _Question:
-    for name, value in (("target", target), ("uncertainty", uncertainty), ("screw lead", screw_lead)):
+def _question(target: float, uncertainty: float | None, screw_lead: float | None,
+              negligible: float | None) -> _Question:
+    for name, value in (("target", target), ("uncertainty", uncertainty), ("screw lead", screw_lead),
+                        ("negligible deviation", negligible)):
         if value is not None and not 0.0 < value < 1.0:
             raise JudgementError(f"{name} is {value:g} m; give a positive length in m")
-    return _Question(target, uncertainty, None if screw_lead is None else target / screw_lead)
+    return _Question(target, uncertainty, None if screw_lead is None else target / screw_lead, negligible)
 
 
 def _judged(verdicts: list[Verdict]) -> tuple[int, int] | None:
@@ -190,7 +197,7 @@ def _in_stretches(pair: Pair, question: _Question) -> Verdict:
     verdicts = []
     for part in parts:
         found = assess(part, question.target, question.screw_turns, count * question.parts)
-        verdicts.append(_worded(found.cause(), found, ()))
+        verdicts.append(_worded(found.cause(question.negligible), found, ()))
     bounds = [f"{part.turns[0]:g} to {part.turns[-1]:g}" for part in parts]
     chief = together(verdicts)
     note = f"judged in {count} stretches: turns {', '.join(bounds)}; the parts of the rest are those of one of them"
@@ -200,7 +207,7 @@ def _in_stretches(pair: Pair, question: _Question) -> Verdict:
 def _in_step(pair: Pair, row: _Row, uncertainty: FloatArray, question: _Question) -> Verdict:
     """Tables of one length without turn numbers may still be numbered differently."""
     found = assess(pair, question.target, question.screw_turns, question.parts)
-    cause = found.cause()
+    cause = found.cause(question.negligible)
     if row.measured.turn is None and row.measured.position is None and cause != NONE:
         for shift in SHIFTS:
             turns = np.arange(1.0, row.measured.pitch.size + 1.0) + shift
@@ -236,7 +243,7 @@ def _by_fluctuation(offered: list[Pair], question: _Question) -> Verdict:
     least = [min(one.values()) for one in costs]
     best = least.index(min(least))
     near = [i for i, cost in enumerate(least) if cost < least[best] + NEAR_OFFSETS]
-    causes = {tried[i].cause_at(costs[i]) for i in near}
+    causes = {tried[i].cause_at(costs[i], question.negligible) for i in near}
     if len(causes) > 1:
         raise JudgementError(f"the {offered[0].measured.size} measured turns fit the nominal ones in {len(near)} "
                              f"places, with different verdicts ({', '.join(sorted(causes))}); give their turn numbers "
@@ -286,4 +293,6 @@ def together(verdicts: list[Verdict]) -> Verdict:
         text = "Some of the rows show the control, others mechanics: both."
         return replace(chief, cause=cause, sentence=text, rows=tuple(verdicts),
                        advice=tuple(dict.fromkeys(line for one in verdicts for line in one.advice)))
-    return replace(chief, rows=tuple(verdicts))
+    told = replace(chief.evidence, bound=max(one.evidence.bound for one in verdicts)) if cause != BOTH else \
+        chief.evidence
+    return replace(chief, evidence=told, sentence=sentence(cause, told), rows=tuple(verdicts))
