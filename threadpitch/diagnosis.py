@@ -85,15 +85,19 @@ def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
     if not {NOMINAL, ACTUAL} <= set(simulation.calculators) or not simulation.passes:
         return None
     left = _left_by(simulation)
-    target = _target(left)
+    targets = left.table.pitch - left.deviation  # (start_angles, revolutions)
+    target = float(targets[np.isfinite(targets)][0])
     threads: tuple[MeasuredThread, ...] = ()
     if plan is None:
         nominal, actual = _both(left, simulation)
-        verdict = judge(nominal, actual, target=target, uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
+        verdict = judge(nominal, actual, target=targets[:, :actual.shape[1]] if left.variable else target,
+                        uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
+    elif left.variable:
+        raise JudgementError("a thread whose lead changes is judged without a measuring plan; leave --measure out")
     else:
         threads, uncertainty = tuple(measure(simulation, plan, simulation.passes[-1])), plan.uncertainty
         verdict = _of_flanks(simulation, plan, threads, target)
-    controls, why_not = _control(simulation, left, target)
+    controls, why_not = _control(simulation, left, targets if left.variable else target)
     return Diagnosis(left.number, target, uncertainty, verdict, controls, threads, why_not)
 
 
@@ -134,11 +138,6 @@ def _left_by(simulation: Simulation, flank: str = "") -> Pass:
     return passes[-1]
 
 
-def _target(one: Pass) -> float:
-    known = np.isfinite(one.deviation)
-    return float((one.table.pitch - one.deviation)[known][0])
-
-
 def _screw_lead(simulation: Simulation) -> float | None:
     ball_screw = simulation.parameter(f"{Z_DRIVE}.drive_type") == _BALL_SCREW
     return simulation.parameter(f"{Z_DRIVE}.screw_lead") if ball_screw else None
@@ -173,7 +172,7 @@ def _nominal(simulation: Simulation, one: Pass, start_angles: Sequence[float]) -
     return pitch_table(Trace(angle, position), start_angles)
 
 
-def _control(simulation: Simulation, left: Pass, target: float) -> tuple[tuple[ControlParts, ...], str]:
+def _control(simulation: Simulation, left: Pass, target: float | FloatArray) -> tuple[tuple[ControlParts, ...], str]:
     """Where in the control, of every start angle from its first turn in the metal on; or none, and why not."""
     names = (*_DETECTED, "spindle.speed", f"{Z_DRIVE}.following_error", f"{Z_DRIVE}.torque")
     try:
@@ -184,7 +183,9 @@ def _control(simulation: Simulation, left: Pass, target: float) -> tuple[tuple[C
         trace = Trace(angle, position, simulation.time[rows])
         known = _with_turns(left)
         chosen = [Turns(_first_crossing(trace, left.table, row), _first_in_metal(left, row)) for row in known]
-        found = control_parts_of(ControlTrace(trace, speed, error, saturated), target, chosen, _expected(simulation))
+        found = control_parts_of(ControlTrace(trace, speed, error, saturated),
+                                 target[known] if isinstance(target, np.ndarray) else target, chosen,
+                                 _expected(simulation))
         return tuple(replace(one, start_angle=float(left.table.start_angles[row]))
                      for row, one in zip(known, found, strict=True)), ""
     except (JudgementError, PitchError, TraceError, ValueError) as error_:

@@ -61,7 +61,7 @@ def analyze(
     negligible: Annotated[float | None, typer.Option(
         metavar="UM", parser=number, help="Deviation of one pitch that does not matter: a cause is called absent only "
                                           "where it surely makes no larger one.",
-        show_default="5 uncertainties, or as much as the cause that is named")] = None,
+        show_default="what is sure to be found, 5 to 6 uncertainties")] = None,
     ball_screw: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Lead of the feed's ball screw, to know its turns again in the rest.",
         show_default="--screw-lead")] = None,

@@ -9,7 +9,7 @@ import numpy as np
 
 from threadpitch.judgement import tendency
 from threadpitch.judgement.alignment import Pair
-from threadpitch.judgement.equivalence import EXPANDED, MATTERS, WORTH_NAMING, bound
+from threadpitch.judgement.equivalence import EXPANDED, WORTH_NAMING, bound
 from threadpitch.judgement.hypotheses import (
     BOTH,
     CONTROL,
@@ -78,8 +78,8 @@ class Assessment:
     def cause_at(self, costs: dict[str, float], negligible: float | None = None) -> str:
         """The same at other costs.
 
-        A cause is not called absent unless it is surely smaller than what does not matter: ``negligible``, m, or five
-        uncertainties or, where another cause is named, as much as that one.
+        A cause is not called absent unless it is surely smaller than what does not matter: ``negligible``, m, or what a
+        judgement of so many turns is sure to find or, where another cause is named, as much as that one.
         """
         cause = decide(costs, self.moves_much)
         if cause == NONE and self.moves:
@@ -107,15 +107,16 @@ class Assessment:
         """m: so large may the bound be."""
         if negligible is not None:
             return negligible
-        least = MATTERS * float(np.sqrt(np.mean(self.data.uncertainty**2)))
         if cause == MECHANICAL:
             return math.inf  # what the control did is seen, and what jitter hides of it was asked before
+        scale = self.found[cause].scale
+        least = float(np.sqrt(np.mean(scale**2))) * sure_event(scale.size, NOISE_MARGIN)
         return least if cause == NONE else max(least, float(np.abs(self.found[cause].seen).max()))
 
 
-def assess(pair: Pair, target: float, screw_turns: float | None, parts: int = 1) -> Assessment:
+def assess(pair: Pair, screw_turns: float | None, parts: int = 1) -> Assessment:
     """The hypotheses about P - target of the two tables; of one part where a thread is judged in several."""
-    data = Fluctuations(pair.turns, pair.nominal - target, pair.measured - target, pair.uncertainty,
+    data = Fluctuations(pair.turns, pair.nominal - pair.target, pair.measured - pair.target, pair.uncertainty,
                         neighbours(pair.turns), pair.nominal_uncertainty)
     candidates = dictionary(tuple(pair.turns.tolist()), screw_turns, parts)
     shapes = without_control(data, candidates)
@@ -153,9 +154,9 @@ def evidence(found: Assessment, cause: str) -> Evidence:
     )
 
 
-def of_the_whole(part: Evidence, pair: Pair, target: float) -> Evidence:
+def of_the_whole(part: Evidence, pair: Pair) -> Evidence:
     """The evidence of one stretch with the numbers that can be told of the whole thread."""
-    nominal, measured = pair.nominal - target, pair.measured - target
+    nominal, measured = pair.nominal - pair.target, pair.measured - pair.target
     related = tendency.correlation(nominal, measured)
     uncertainty = float(np.sqrt(np.mean(pair.uncertainty**2)))
     gain = tendency.gain(nominal, measured, np.zeros((nominal.size, 0)), (uncertainty**2, part.nominal_jitter**2))

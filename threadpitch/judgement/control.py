@@ -138,7 +138,8 @@ def _seen(recording: ControlTrace, rising: FloatArray, target: FloatArray, chose
     bounds = asked.start_angle + TURN * (table.turns_before + np.arange(known[-1] + 2))
     course = _at(bounds, rising, recording.speed) if recording.speed is not None \
         else _speed(bounds, rising, np.asarray(recording.trace.time))
-    return _Seen(np.asarray(known + 1.0, dtype=np.float64), np.asarray(table.pitch[0, known] - wanted), wanted, bounds[known[0]:], course,
+    turns = np.asarray(known + 1.0, dtype=np.float64)
+    return _Seen(turns, np.asarray(table.pitch[0, known] - wanted), wanted, bounds[known[0]:], course,
                  _sense(table.crossings[0]), asked.start_angle)
 
 

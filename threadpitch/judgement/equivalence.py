@@ -17,7 +17,6 @@ import numpy as np
 from threadpitch.trace import FloatArray
 
 NINETY_FIVE = 1.645  # standard deviations that a normal value stays below its mean by less than, in 95 of 100 cases
-MATTERS = 5.0  # uncertainties: largest bound with which a cause is called absent, where the user has no limit
 EXPANDED = 2.0  # uncertainties: a movement of this size is told from nothing in a single turn
 WORTH_NAMING = 0.2  # of the thread's largest deviation
 
