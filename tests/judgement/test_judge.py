@@ -131,7 +131,7 @@ def test_turned_around_and_scaled_it_is_the_same_verdict(cause: str) -> None:
 def test_drawn_threads_are_judged_as_they_were_made() -> None:
     """The benchmark judges thousands; these are some of its development seeds."""
     right = 0
-    for seed in range(60):
+    for seed in range(30):
         thread = drawn(seed)
         verdict = tp.judge(thread.nominal, thread.measured, target=thread.machine.lead,
                            uncertainty=thread.uncertainty, screw_lead=thread.machine.screw_lead)
@@ -240,12 +240,12 @@ def test_none_tells_what_need_not_show() -> None:
 def test_no_deviation_is_larger_than_the_bound_told() -> None:
     """Whatever its shape, in 95 of 100 threads: faint causes of the benchmark, and what is told to be at most there."""
     held = []
-    for seed in range(60):
+    for seed in range(30):
         thread = drawn(seed + 5000, 1.0, 5.0)
         verdict = tp.judge(thread.nominal, thread.measured, target=thread.machine.lead, uncertainty=thread.uncertainty)
         absent = {"none": ("control", "mechanical"), "control": ("mechanical",)}.get(verdict.cause, ())
         held += [thread.sizes.get(cause, 0.0) <= verdict.evidence.bound for cause in absent if cause in thread.sizes]
-    assert len(held) > 10
+    assert len(held) >= 5
     assert sum(held) >= 0.85 * len(held)
 
 
@@ -291,6 +291,33 @@ def test_what_the_detectors_saw_counts_beside_mechanics() -> None:
     assert causes(seen, WAVE).count("both") >= 8
     assert causes(0.5 * seen, WAVE).count("mechanical") >= 9  # within the expanded uncertainty of one pitch
     assert causes(seen, 3.0 * WAVE).count("mechanical") >= 4  # a tenth of the deviation
+
+
+def test_the_target_of_every_turn_may_be_another() -> None:
+    """A lead that grows by 20 um a turn: the verdict is that of the same deviations from one lead, rows or places."""
+    growing = TARGET + 20e-6 * (TURNS - 0.5)
+    nominal, shown = DIP, DIP + WAVE + noise(4)
+    known = tp.judge(TARGET + nominal, TARGET + shown, target=TARGET, uncertainty=U)
+    verdict = tp.judge(growing + nominal, growing + shown, target=growing, uncertainty=U)
+    assert verdict.cause == known.cause == "both"
+    assert verdict.evidence.costs == pytest.approx(known.evidence.costs)
+    angle = np.linspace(0.0, TURNS.size * 2.0 * math.pi, 40 * TURNS.size + 1)
+    edges = np.concatenate([[0.0], np.cumsum(growing + nominal)])
+    table = tp.thread_pitch(angle, np.interp(angle, 2.0 * math.pi * np.arange(edges.size), edges))
+    placed = MeasuredThread((growing + shown)[3:], position=(0.5 * (edges[1:] + edges[:-1]))[3:])
+    again = tp.judge(table, placed, target=growing, uncertainty=U)
+    assert (again.cause, again.evidence.offset, again.evidence.span) == ("both", 3.0, (4.0, 40.0))
+    with pytest.raises(JudgementError, match="3 targets and 40 nominal turns"):
+        tp.judge(growing, growing, target=growing[:3], uncertainty=U)
+
+
+def test_a_target_of_another_thread_is_told() -> None:
+    shown = TARGET + DIP + noise(5)
+    right = tp.judge(TARGET + DIP, shown, target=TARGET, uncertainty=U)
+    wrong = tp.judge(TARGET + DIP, shown, target=25.4e-3 / 18.0, uncertainty=U)  # 1.411 mm
+    assert not any("is it that of this thread?" in note for note in right.notes)
+    assert wrong.notes[0] == ("nominal and measured pitches agree on 1.5 mm and the target is 1.4111 mm: is it that "
+                              "of this thread?")
 
 
 def test_uncertain_crossings_of_the_nominal_pitches_count() -> None:
