@@ -154,9 +154,20 @@ def test_an_existing_folder_is_written_again_and_keeps_other_files(threadpitch: 
 def test_a_failing_run_leaves_the_former_one(threadpitch: Command, workplace: Path) -> None:
     assert threadpitch("run", *QUICK).status == 0
     before = {path.name: path.read_bytes() for path in (workplace / "threadpitch-run").iterdir()}
-    for arguments in (("--stop-time", "0.1"), ("--step-size", "0.2"), ("--set", "z_drive.nosuch=1")):
+    for arguments in (("--stop-time", "0"), ("--step-size", "0.2"), ("--set", "z_drive.nosuch=1")):
         assert threadpitch("run", *arguments).status == 2
     assert {path.name: path.read_bytes() for path in (workplace / "threadpitch-run").iterdir()} == before
+
+
+def test_a_run_without_a_turn_is_saved(threadpitch: Command, workplace: Path) -> None:
+    done = threadpitch("run", "--stop-time", "0.2")
+    assert done.status == 2
+    assert done.err.count("\n") == 1
+    assert "no threading until the stop at 0.2 s; " in done.err
+    assert done.err.endswith("; what was computed until then is saved in threadpitch-run\n")
+    folder = workplace / "threadpitch-run"
+    assert json.loads((folder / "result.json").read_text())["passes"] == []
+    assert len((folder / "trace.csv").read_text().splitlines()) == 202  # the header, and a row after every step
 
 
 def test_warnings_of_fmus_go_to_standard_error(threadpitch: Command, workplace: Path, short_run: lathe.Simulation,

@@ -61,6 +61,14 @@ def test_a_step_of_several_turns_keeps_all_of_them() -> None:
     assert one.table.mean[0] == pytest.approx(result["nominal_pitch.pitch_mean[1]"][-1], abs=1e-12)
 
 
+def test_the_crossings_are_where_the_turns_begin_and_end(short_run: lathe.Simulation) -> None:
+    """Of a thread towards negative z: P(n) is positive in the direction of the cut."""
+    table = short_run.pitch_table
+    known = ~np.isnan(table.pitch)
+    np.testing.assert_allclose(-np.diff(table.crossings, axis=1)[known], table.pitch[known], rtol=0.0, atol=1e-15)
+    assert table.crossings[0, known[0].sum()] == short_run["nominal_pitch.crossing_position[1]"][-1]
+
+
 def test_the_effective_thread_are_the_turns_that_begin_in_the_metal(short_run: lathe.Simulation) -> None:
     (one,) = short_run.passes
     assert one.effective is not None

@@ -154,7 +154,7 @@ def test_of_equal_assignments_the_last_one_holds() -> None:
     assert read_assignments(["a.b=1", "a.c=x=y", "a.b=2mm"]) == {"a.b": "2mm", "a.c": "x=y"}
 
 
-@pytest.mark.parametrize("assignment", ["", "z_drive", "z_drive.screw_lead", "=3", "screw_lead=3",
+@pytest.mark.parametrize("assignment", ["", "z_drive", "z_drive.screw_lead", "=3", " =3",
                                         "z_drive.screw_lead=", "z_drive.screw_lead= "])
 def test_assignments_that_set_nothing(assignment: str) -> None:
     with pytest.raises(ParameterFileError, match=r"sets nothing; write it like z_drive\.screw_lead=10mm"):

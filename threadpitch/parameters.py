@@ -52,7 +52,7 @@ def read_assignments(assignments: Sequence[str]) -> dict[str, Given]:
     values: dict[str, Given] = {}
     for assignment in assignments:
         name, sign, value = assignment.partition("=")
-        if not sign or "." not in name or not value.strip():
+        if not sign or not name.strip() or not value.strip():
             raise ParameterFileError(f"{assignment!r} sets nothing; write it like z_drive.screw_lead=10mm")
         values[name.strip()] = value.strip()
     return values

@@ -111,18 +111,21 @@ def _pass(columns: Columns, calculator: str, rows: slice) -> Pass | None:
     """The pass, not numbered yet; None where no turn was completed."""
     count = int(columns[f"{calculator}.start_angle_count"][0])
     turns = [_turns(columns, calculator, angle, rows) for angle in range(count)]
-    longest = max(pitch.size for pitch, _ in turns)
+    longest = max(pitch.size for pitch, _, _ in turns)
     if longest == 0:
         return None
     pitch = np.full((count, longest), np.nan)  # (start_angles, revolutions)
-    ends = np.full((count, longest), np.nan)
-    for row, (values, positions) in enumerate(turns):
-        pitch[row, :values.size], ends[row, :values.size] = values, positions
+    crossings = np.full((count, longest + 1), np.nan)
+    for row, (values, ends, direction) in enumerate(turns):
+        pitch[row, :values.size], crossings[row, 1:ends.size + 1] = values, ends
+        if ends.size:
+            crossings[row, 0] = ends[0] - direction * values[0]
     starts = [float(columns[f"{calculator}.start_angle[{i + 1}]"][0]) for i in range(count)]
     target = float(columns[f"{calculator}.pitch_target"][0])
-    in_metal = _in_metal(columns, pitch, ends)
+    in_metal = _in_metal(columns, pitch, crossings[:, 1:])
     effective = None if in_metal is None else statistics(np.where(in_metal, pitch, np.nan))
-    one = Pass(0, _start_number(columns, rows), PitchTable.of_pitches(pitch, starts), effective, pitch - target,
+    table = replace(PitchTable.of_pitches(pitch, starts), crossings=crossings)
+    one = Pass(0, _start_number(columns, rows), table, effective, pitch - target,
                np.ones(pitch.shape, dtype=np.bool_) if in_metal is None else in_metal, target=target)
     return _described(columns, one, rows)
 
@@ -150,8 +153,10 @@ def _variable_lead(one: Pass, lead: float, start: float, change: float) -> Float
     return np.asarray(lead + change * (offset[:, np.newaxis] + np.arange(one.table.pitch.shape[1]) + 0.5))
 
 
-def _turns(columns: Columns, calculator: str, angle: int, rows: slice) -> tuple[FloatArray, FloatArray]:
-    """(P(n), xi at the end of turn n) of one start angle: several turns may end in one step."""
+def _turns(columns: Columns, calculator: str, angle: int, rows: slice) -> tuple[FloatArray, FloatArray, float]:
+    """(P(n), xi at the end of turn n, direction of the cut in the first) of one start angle: several turns may end in
+    one step.
+    """
     completed = columns[f"{calculator}.completed[{angle + 1}]"][rows]
     position = columns[f"{calculator}.crossing_position[{angle + 1}]"][rows]
     direction = columns[f"{calculator}.direction"][rows]
@@ -163,7 +168,8 @@ def _turns(columns: Columns, calculator: str, angle: int, rows: slice) -> tuple[
         after = np.cumsum(kept[::-1])[::-1] - np.array(kept)  # movement of this step's later turns
         ends += (position[row] - direction[row] * after).tolist()
         pitches += kept
-    return np.array(pitches), np.array(ends)
+    first = float(direction[int(np.argmax(completed != 0))]) if completed.size else 0.0
+    return np.array(pitches), np.array(ends), first
 
 
 def _in_metal(columns: Columns, pitch: FloatArray, ends: FloatArray) -> NDArray[np.bool_] | None:

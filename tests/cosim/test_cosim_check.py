@@ -137,9 +137,20 @@ def test_all_problems_are_told_at_once() -> None:
     (Connector("position", "output", "Integer"), "is Integer, but the FMU's variable is Real"),
     (Connector("position", "input"), "is an input, but the FMU's variable is output"),
 ])
-def test_connectors_must_match_the_fmu(connector: Connector, message: str) -> None:
-    with pytest.raises(SystemStructureError, match=message):
-        check(System("test", (replace(COMPONENTS[0], connectors=(connector,)),)), DESCRIPTIONS)
+def test_connectors_that_carry_values_must_match_the_fmu(connector: Connector, message: str) -> None:
+    components = replace(COMPONENTS[0], connectors=(connector,)), COMPONENTS[1]
+    with pytest.raises(SystemStructureError, match=message) as error:
+        check(System("test", components, (wire(f"giver.{connector.name}", "taker.path"),)), DESCRIPTIONS)
+    assert len(error.value.problems) in (1, 2)
+
+
+def test_connectors_that_nothing_uses_are_noted() -> None:
+    """Tools list connectors of settings of their own; one note for a component tells of them."""
+    listed = (Connector("settings_a", "parameter", "Integer"), Connector("settings_b", "parameter"),
+              Connector("position", "output", "Binary"))
+    plan = check(System("test", (replace(COMPONENTS[0], connectors=listed),)), DESCRIPTIONS)
+    assert plan.notes == ("connector giver.settings_a: Test.fmu has no such variable; no connection uses it, nor do 2 "
+                          "more of giver",)
 
 
 def test_a_connector_stands_once() -> None:

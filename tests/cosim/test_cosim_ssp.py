@@ -158,7 +158,8 @@ def test_missing_and_foreign_files(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("text", "message"), [
     (ssd(version="3.0"), "is SSP version '3.0'; only 1.0 and 2.0 are read"),
-    (ssd("<ssd:Elements/>"), "breaks the SSP 1.0 schema"),
+    (ssd("<ssd:Elements/>"), "the system holds no component"),
+    (ssd("<ssd:Elements><ssd:Part/></ssd:Elements>"), "schema: line 1: Element 'Part': This element is not expected"),
     (ssd(""), "the system holds no component"),
     (ssd(BODY.replace("My%20Probe", "Gone")), "component 'a': FMU 'resources/Gone.fmu' does not lie beside"),
     (ssd(BODY.replace("resources/My%20Probe", "../out")), "is not a path inside of the SSD's folder"),

@@ -156,7 +156,7 @@ def test_arrays_pass_through_systems(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("connection", "size", "message"), [
     (wire("a.v", "b.u"), 2, "joins 2 values to 1; arrays must have equal sizes"),
     (wire("a.v", "b.w", attributes='startIndices="3"'), 2, "has no variable 'v[3]'; did you mean v[2], v[1]?"),
-    ("", 3, "connector a.v: has 3 elements, but the FMU's variable has 2"),
+    (wire("a.v", "b.w"), 3, "connector a.v: has 3 elements, but the FMU's variable has 2"),
 ])
 def test_wrong_arrays(connection: str, size: int, message: str, tmp_path: Path) -> None:
     ends = box("a", f"<ssd:Connectors>{array('output', 'v', size)}</ssd:Connectors>") + box("b")

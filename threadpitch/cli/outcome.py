@@ -50,9 +50,10 @@ def finish(done: Done, as_json: bool, keeper: Keeper | None = None) -> None:
 
 
 def save(simulation: lathe.Simulation, output: Path, plan: MeasuringPlan | None) -> Done:
-    """The files of a simulation, which has cut a turn at least, with the verdict on its thread."""
+    """The files of a simulation, with the verdict on its thread; without a turn there is no more to tell than why."""
     if simulation.calculators and not simulation.passes:
-        fail(simulation.why_no_turn())
+        saved = save_run(simulation, output)
+        fail(f"{simulation.why_no_turn()}; what was computed until then is saved in {saved[0].parent}")
     found, why_not = None, ""
     try:
         found = diagnose(simulation, plan)

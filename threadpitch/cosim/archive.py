@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import errno
 import itertools
-import shutil
 import stat
 import tempfile
-import weakref
 import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
 from threadpitch.cosim.errors import CosimError
+from threadpitch.cosim.temporary_folder import TemporaryFolder
 
 MAXIMUM_SIZE = 4 * 2**30  # bytes unpacked; no FMU or SSP of the field comes near it
 MOST_MEMBERS = 100_000  # of one archive; an FMU with Python and its libraries inside has some 10^4
@@ -26,23 +25,6 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 class ArchiveError(CosimError):
     """A file is not a sound ZIP archive."""
-
-
-class TemporaryFolder:
-    """A folder that is removed by ``close`` or, at the latest, when the last reference to it is gone.
-
-    ``size`` is what was unpacked into it, bytes.
-    """
-
-    def __init__(self) -> None:
-        self.path = Path(tempfile.mkdtemp(prefix="threadpitch-")).resolve()
-        self.size = 0
-        # A library that is still loaded keeps its file on Windows: what cannot be removed is left to the system.
-        self._remove = weakref.finalize(self, shutil.rmtree, self.path, True)
-
-    def close(self) -> None:
-        """Remove the folder with all it holds; may be called twice."""
-        self._remove()
 
 
 def unpack(archive: Path, name: str = "", room: int = MAXIMUM_SIZE) -> TemporaryFolder:
@@ -73,8 +55,9 @@ def unpack(archive: Path, name: str = "", room: int = MAXIMUM_SIZE) -> Temporary
         if isinstance(error, ArchiveError):
             raise
         if isinstance(error, OSError) and error.errno in _NO_ROOM:
-            raise ArchiveError(f"{name}: cannot be unpacked into {folder.path.parent} ({str(error.strerror).lower()}); "
-                               "free some space there, or name another folder in TMPDIR") from None
+            place, why = tempfile.gettempdir(), str(error.strerror).lower()
+            raise ArchiveError(f"{name}: cannot be unpacked into {place} ({why}); free some space there, or name "
+                               "another folder in TMPDIR") from None
         raise ArchiveError(f"{name}: is not a readable ZIP archive ({error}); export it again") from None
 
 

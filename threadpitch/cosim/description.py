@@ -10,14 +10,19 @@ from pathlib import Path
 from typing import Any
 
 from fmpy import platform, platform_tuple, read_model_description, supported_platforms
+from fmpy.model_description import ValidationError
 
-from threadpitch.cosim.archive import MAXIMUM_SIZE, TemporaryFolder, unpack
+from threadpitch.cosim.archive import MAXIMUM_SIZE, unpack
 from threadpitch.cosim.document import DocumentError, Element, parse_document
 from threadpitch.cosim.errors import CosimError
+from threadpitch.cosim.temporary_folder import TemporaryFolder
 from threadpitch.cosim.variable import FmuVariable
 from threadpitch.cosim.variables import read_variables, to_number
 from threadpitch.units import BASES, Unit, UnitError, unit
 
+# What FMPy's validation finds and no run depends on: units are looked up in the table too, and what is no Real is never
+# taken for continuous. Exports of Saab's, Hopsan's and Dymola's tools that are in use break these two rules.
+_HARMLESS = re.compile(r'The (display )?unit ".*" of .* is not defined|must have variability != "continuous"')
 _IDENTIFIER = re.compile(r"[^./\\:\0][^/\\:\0]*")  # it becomes the name of a file that is loaded
 
 
@@ -31,7 +36,7 @@ class FmuDescription:
 
     ``guid`` is FMI 3.0's instantiationToken too. ``label`` is the file as people know it, ``capabilities`` the flags
     that its co-simulation interface sets. ``dependencies`` holds by output the inputs that it depends on directly;
-    an output that is not in it may depend on all.
+    an output that is not in it may depend on all. ``oddities`` is what breaks a rule of FMI without harm to a run.
     """
 
     path: Path
@@ -51,6 +56,7 @@ class FmuDescription:
     platforms: tuple[str, ...] = ()
     capabilities: tuple[str, ...] = ()
     dependencies: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    oddities: tuple[str, ...] = ()
     temporary: TemporaryFolder | None = None
 
     def unit(self, name: str) -> Unit:
@@ -97,7 +103,7 @@ def read_fmu(path: Path, label: str = "", room: int = MAXIMUM_SIZE) -> FmuDescri
 
 def _read(path: Path, label: str, temporary: TemporaryFolder) -> FmuDescription:
     folder = temporary.path
-    description, root = _model_description(label, folder)
+    description, root, oddities = _model_description(label, folder)
     fmi = {"2": 2, "3": 3}.get(str(description.fmiVersion).partition(".")[0])
     if fmi is None:
         raise FmuError(f"{label}: is FMI {description.fmiVersion}; only FMI 2.0 and 3.0 co-simulation can be run")
@@ -130,6 +136,7 @@ def _read(path: Path, label: str, temporary: TemporaryFolder) -> FmuDescription:
         platforms=platforms,
         capabilities=tuple(sorted(_flags(root))),
         dependencies=_dependencies(description, variables, fmi),
+        oddities=oddities,
         temporary=temporary,
     )
 
@@ -143,7 +150,8 @@ def _platforms(label: str, folder: Path, fmi: int) -> tuple[str, ...]:
         wanted = platform_tuple
         found = sorted(entry.name for entry in binaries.iterdir()) if binaries.is_dir() else []
     if wanted not in found:
-        raise FmuError(f"{label}: holds no binary for {wanted}, only {', '.join(found) or 'none'}")
+        raise FmuError(f"{label}: holds no binary for {wanted}, "
+                       + (f"only {', '.join(found)}" if found else "nor for any other platform that FMI names"))
     return tuple(name for name in found if name != "c-code")  # FMPy counts sources too
 
 
@@ -173,19 +181,32 @@ def _dependencies(description: Any, variables: Mapping[str, FmuVariable], fmi: i
     return dependencies
 
 
-def _model_description(label: str, folder: Path) -> tuple[Any, Element]:
-    """What FMPy reads, and the document itself for what it leaves out."""
+def _model_description(label: str, folder: Path) -> tuple[Any, Element, tuple[str, ...]]:
+    """What FMPy reads, the document itself for what it leaves out, and the broken rules that harm no run."""
     file = folder / "modelDescription.xml"
     if not file.is_file():
         raise FmuError(f"{label}: holds no modelDescription.xml; it is not an FMU")
     try:
         root = parse_document(file)  # FMPy's parser resolves entities: what declares any is refused before it sees it
-        return read_model_description(folder), root
+        description, oddities = _validated(folder)
+        return description, root, oddities
     except DocumentError as error:
         raise FmuError(f"{label}: modelDescription.xml: {error}") from None
     except Exception as error:  # FMPy raises plain Exception for what its schema or rules refuse
         first = str(getattr(error, "problems", [error])[0]).splitlines()[0]
         raise FmuError(f"{label}: modelDescription.xml is not valid: {first}") from None
+
+
+def _validated(folder: Path) -> tuple[Any, tuple[str, ...]]:
+    """What FMPy reads, and what its validation finds, if none of it can harm."""
+    try:
+        return read_model_description(folder), ()
+    except ValidationError as error:
+        harmful = [problem for problem in error.problems if not _HARMLESS.search(problem)]
+        if harmful:
+            raise ValidationError(harmful) from None
+        more = f" (and {len(error.problems) - 1} more of this kind)" if len(error.problems) > 1 else ""
+        return read_model_description(folder, validate=False), (error.problems[0].rstrip(".") + more,)
 
 
 def _units(description: Any) -> dict[str, Unit]:

@@ -136,7 +136,7 @@ class FmuInstance(ABC):
         except Exception as error:  # FMPy raises plain Exception
             # Where it was unpacked to tells nobody anything: the folder is gone when the message is read.
             said = str(error).replace(f"{description.folder}{os.sep}", "")
-            reason = self.messages.reason() or " ".join(said.split())
+            reason = self.messages.reasons() or " ".join(said.split())
             raise StepError(f"{name}: {description.path.name} cannot be instantiated: {reason}",
                             component=name, time=self.time, status="error") from None
         self._state = "instantiated"

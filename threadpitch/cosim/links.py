@@ -11,7 +11,7 @@ from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.conversion import ConversionError, Law, Stage, between_units, joined, law, stages
 from threadpitch.cosim.description import FmuDescription
 from threadpitch.cosim.plan import Link
-from threadpitch.cosim.system import Component, Connection, Passage, System, Table, nearest
+from threadpitch.cosim.system import Component, Connection, System, nearest
 from threadpitch.cosim.variable import FmuVariable
 from threadpitch.units import UnitError
 
@@ -144,17 +144,12 @@ def _misfits(connection: Connection, start: End, end: End) -> list[str]:
     if len(start.variables) != len(end.variables):
         return [f"joins {len(start.variables)} values to {len(end.variables)}; arrays must have equal sizes, or state "
                 "startIndices and endIndices"]
-    mapped = one.kind == other.kind and any(_tables(connection))
-    if (one.family != other.family and not mapped) or not (one.exchanged and other.exchanged):
+    # An Integer may feed an Enumeration, and the other way round: FMI hands over the number of the item.
+    if one.kind != other.kind or not (one.exchanged and other.exchanged):
         return [f"joins {one.type} to {other.type}; both must be the same, and not String, Binary or Clock"]
     if not _fits(one, other):
         return [f"joins {one.type} to {other.type}, which does not hold all of its values"]
     return []
-
-
-def _tables(connection: Connection) -> list[Table | None]:
-    passages: tuple[Passage, ...] = connection.through
-    return [connection.table, *(passage.transformation.table for passage in passages)]
 
 
 def _holds(variable: FmuVariable, value: int) -> bool:

@@ -37,10 +37,12 @@ def initialize(network: Network, schedule: Schedule, settings: Iterable[Setting]
     """
     instances = {node.name: node.instance for node in network.nodes}
     with HeldInterrupt() as interrupt:
+        for node in network.nodes:
+            node.instance.setup_experiment(schedule.start_time)
+        # After the set-up: FMUs of 20-sim begin anew with it, and forget what was set before.
         for name, chosen in _by_component(settings).items():
             set_values(instances[name], chosen)
         for node in network.nodes:
-            node.instance.setup_experiment(schedule.start_time)
             node.instance.enter_initialization()
             node.prime()
         propagate(network, schedule.start_time)

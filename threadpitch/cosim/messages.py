@@ -82,6 +82,11 @@ class Messages:
         texts = failures or [message.text for message in self.kept]
         return texts[-1] if texts else ""
 
+    def reasons(self) -> str:
+        """The last few messages of failures: the last alone may tell only that there was one."""
+        failures = [message.text for message in self.kept if message.status >= DISCARD]
+        return "; ".join(list(dict.fromkeys(failures))[-3:]) or self.reason()
+
     def warnings(self) -> tuple[str, ...]:
         """The texts of the messages that were logged as warnings, each once, with how often it came."""
         texts = [text if count == 1 else f"{text} ({count} times)" for text, count in self._warned.items()]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from threadpitch.cosim.conversion import ConversionError, Known, Stage, looked_up
 from threadpitch.cosim.links import Joiner
 from threadpitch.cosim.plan import Link, Setting
-from threadpitch.cosim.system import Connection, ParameterValue, Table, Value, nearest
+from threadpitch.cosim.system import Connector, ParameterValue, Table, Value, nearest
 from threadpitch.cosim.values import Given, VariableValueError, from_parameter_set, from_si
 from threadpitch.cosim.variable import FmuVariable
 from threadpitch.units import UnitError, unit
@@ -25,15 +25,18 @@ class Setter:
         self.notes = notes
 
     def settings(self, links: Sequence[Link], parameters: Mapping[str, Given]) -> list[Setting]:
-        """The last value given for every variable: parameter sets in their order, then the caller's parameters."""
+        """The last value given for every variable: parameter sets in their order, then what the connectors of systems
+        hand on, which arrives after a variable's own value, then the caller's parameters.
+        """
         fed = {(link.target_component, link.target.name): link for link in links}
         found: dict[tuple[str, str], Setting] = {}
-        for value in self.system.parameter_values:
-            try:
-                for setting in self._of(value):
-                    found[setting.component, setting.variable.name] = setting
-            except (VariableValueError, ConversionError, UnitError) as error:
-                self.problems.append(f"{value.origin}: {value.name}: {error}".lstrip(": "))
+        for settings_of in (self._of, self._handed_on):
+            for value in self.system.parameter_values:
+                try:
+                    for setting in settings_of(value):
+                        found[setting.component, setting.variable.name] = setting
+                except (VariableValueError, ConversionError, UnitError) as error:
+                    self.problems.append(f"{value.origin}: {value.name}: {error}".lstrip(": "))
         return self.overridden(found, fed, parameters)
 
     def overridden(self, settings: Mapping[tuple[str, str], Setting], fed: Mapping[tuple[str, str], Link],
@@ -68,17 +71,24 @@ class Setter:
     def _of(self, value: ParameterValue) -> Iterator[Setting]:
         """What an entry of a parameter set sets: all that has its name. SSP says to ignore what names nothing."""
         places = list(self._places(value.name))
-        connections = [connection for connection in self.system.connections
-                       if not connection.start_component and connection.start_variable == value.name]
-        if not places and not any(connector.name == value.name for connector in self.system.connectors):
+        if not places and self._connector(value.name) is None:
             self.notes.append(f"{value.origin}: {value.name} names nothing in the system and is ignored")
         for component, variables in places:
             if len(variables) != 1:
                 raise VariableValueError(f"one value for an array of {len(variables)}; state all, or one element")
             known = self._known(self.descriptions[component].unit)
             yield Setting(component, variables[0], from_parameter_set(_mapped(value), variables[0], known))
-        for connection in connections:
-            yield from self._through(value, connection)
+
+    def _handed_on(self, value: ParameterValue) -> Iterator[Setting]:
+        """What an entry of a parameter set for a connector of a system sets behind it."""
+        def read(there: FmuVariable, known: Known) -> Value:
+            return from_parameter_set(_mapped(value), there, known)
+
+        return self._through(value.name, read)
+
+    def _connector(self, name: str) -> Connector | None:
+        """The connector of a system."""
+        return next((found for found in self.system.connectors if found.name == name), None)
 
     def _places(self, name: str) -> Iterator[tuple[str, Sequence[FmuVariable]]]:
         """The components' variables, or arrays, that a name means: dots may part systems, components and structures."""
@@ -93,29 +103,31 @@ class Setter:
                 elif rest in fmu.arrays:
                     yield component, fmu.arrays[rest]
 
-    def _through(self, value: ParameterValue, connection: Connection) -> Iterator[Setting]:
-        """The setting of what a system's connector feeds: the value in the connector's unit, then as the data go."""
-        if not connection.end_component:
-            return
-        where = f"connection {connection}"
-        end = self.joiner.end(where, connection.end_component, connection.end_variable, connection.end_indices)
-        if end is None:
-            return
-        variable = end.variables[0]
-        if len(end.variables) != 1:
-            raise VariableValueError(f"one value for an array of {len(end.variables)}; state all, or one element")
-        connector = next(found for found in self.system.connectors if found.name == value.name)
-        own = Stage(variable.unit, self.descriptions[end.component.name].unit, variable.choices)
-        named = [connector.unit, *(passage.connector.unit for passage in connection.through), variable.unit]
-        first = Stage.of(connector, replace(own, unit=next(filter(None, named), None)), self.system.units)
-        there = replace(variable, unit=first.unit, minimum=None, maximum=None, choices=first.choices)
-        given = from_parameter_set(_mapped(value), there, first.known)
-        law = self.joiner.law_from(connection, first, end)
-        if variable.family == "Real":
-            given = law.factor * float(given) + law.offset
-        elif variable.family != "String":
-            given = dict(law.table).get(int(given), given)
-        yield Setting(end.component.name, variable, from_si(given, replace(variable, unit=None), unit))
+    def _through(self, name: str, read: Callable[[FmuVariable, Known], Value]) -> Iterator[Setting]:
+        """The settings of what a system's connector feeds: the value in the connector's unit, then as the data go."""
+        connector = self._connector(name)
+        for connection in self.system.connections:
+            if connector is None or connection.start_component or connection.start_variable != name:
+                continue
+            where = f"connection {connection}"
+            end = connection.end_component and self.joiner.end(
+                where, connection.end_component, connection.end_variable, connection.end_indices)
+            if not end:
+                continue
+            variable = end.variables[0]
+            if len(end.variables) != 1:
+                raise VariableValueError(f"one value for an array of {len(end.variables)}; state all, or one element")
+            own = Stage(variable.unit, self.descriptions[end.component.name].unit, variable.choices)
+            named = [connector.unit, *(passage.connector.unit for passage in connection.through), variable.unit]
+            first = Stage.of(connector, replace(own, unit=next(filter(None, named), None)), self.system.units)
+            there = replace(variable, unit=first.unit, minimum=None, maximum=None, choices=first.choices)
+            given = read(there, first.known)
+            law = self.joiner.law_from(connection, first, end)
+            if variable.family == "Real":
+                given = law.factor * float(given) + law.offset
+            elif variable.family != "String":
+                given = dict(law.table).get(int(given), given)
+            yield Setting(end.component.name, variable, from_si(given, replace(variable, unit=None), unit))
 
     def _known(self, otherwise: Known) -> Known:
         """A look-up for units that an SSD names: its own definitions first, then those of the FMU and the table."""
@@ -124,6 +136,8 @@ class Setter:
     # The caller's parameters
 
     def _given(self, name: str, given: Given) -> list[Setting]:
+        if self._connector(name) is not None:
+            return self._given_to_connector(name, given)
         component, rest = self._parted(name)
         if component not in self.joiner.components or not rest:
             hint = nearest(component, self.joiner.components) if rest else "; write it as component.variable"
@@ -147,6 +161,20 @@ class Setter:
             except VariableValueError as error:
                 self.problems.append(f"parameter {component}.{element.name}: {error}")
         return settings
+
+    def _given_to_connector(self, name: str, given: Given) -> list[Setting]:
+        def read(there: FmuVariable, known: Known) -> Value:
+            return from_si(given, there, known)
+
+        try:
+            found = list(self._through(name, read))
+        except (VariableValueError, ConversionError, UnitError) as error:
+            self.problems.append(f"parameter {name}: {error}")
+            return []
+        if not found:
+            self.problems.append(f"parameter {name!r}: it is a connector of the system that feeds nothing; set "
+                                 "component.variable instead")
+        return found
 
     def _parted(self, name: str) -> tuple[str, str]:
         """Component and variable: the longest component's name that it begins with, else up to the first dot."""

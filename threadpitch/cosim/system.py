@@ -12,8 +12,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import TypeAlias
 
-from threadpitch.cosim.archive import TemporaryFolder
 from threadpitch.cosim.errors import CosimError
+from threadpitch.cosim.temporary_folder import TemporaryFolder
 from threadpitch.units import Unit
 
 Value: TypeAlias = float | int | bool | str

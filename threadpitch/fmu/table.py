@@ -72,10 +72,11 @@ static int64_t check(void *self) {{
     return instance->outside ? {OUTSIDE} : number;
 }}
 
-static void initialize(void *self) {{
+static int64_t initialize(void *self) {{
     Instance *instance = self;
     attach(instance);
     {class_name}__initialize(&instance->equations);
+    return instance->outside ? {OUTSIDE} : 0;
 }}
 
 static int64_t step(void *self, double time, double step_size) {{

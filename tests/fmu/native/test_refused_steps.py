@@ -14,6 +14,8 @@ from tests.fmu.driving import ROOT, read
 from tests.fmu.native.building import needs_compiler
 from tests.fmu.own import line_of, write_model
 from threadpitch.cli import invoke
+from threadpitch.cosim import StepError, simulate
+from threadpitch.cosim.system import Component, System
 from threadpitch.fmu import ModelError, build_fmu, effort, refusal
 from threadpitch.fmu.check import check_built
 from threadpitch.fmu.reference import reference
@@ -86,6 +88,18 @@ def test_a_refused_experiment_is_told_with_its_time_and_line(kind: str, tmp_path
     assert told.startswith(f"{path}: the default experiment is refused at {STEPS[kind] / 100:g} s: {reason}")
     if kind == "index":
         assert f"{path}:{line_of(path, 'self.a[self.n')}; the reference results end there" in told
+
+
+@FLAVORS
+def test_an_index_outside_its_array_in_the_initialization(flavor: str, fmi: int, tmp_path: Path) -> None:
+    """With a start value that the build does not try."""
+    path = write_model(tmp_path / "probe.py", "self.n = self.n + 1", top=TOP)
+    path.write_text(path.read_text().replace("self.y = 0.0\n", "self.y = self.a[int(floor(self.drive))]\n"))
+    fmu = build_fmu(path, tmp_path, flavor, fmi=fmi)
+    system = System("own", (Component("own", fmu),))
+    assert simulate(system, parameters={"own.drive": 3.0}, stop_time=0.1).steps == 10
+    with pytest.raises(StepError, match=r"initialisation failed .*(index is outside its array|IndexError)"):
+        simulate(system, parameters={"own.drive": 4.0}, stop_time=0.1)
 
 
 @needs_compiler

@@ -13,6 +13,8 @@ blocks of SSDs, and ``flat`` lays them flat.
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -27,7 +29,10 @@ __all__ = ["FMU_TYPE", "SSB", "SSC", "SSD", "SSM", "SSV", "Locate", "locate_file
            "read_with_problems"]
 
 NAME = "SystemStructure.ssd"
-_OPENMODELICA = "org.openmodelica"
+# The step size that a tool notes of the whole system, or of its default experiment: by owner and type of the
+# annotation the element and its attribute.
+_STEP_SIZES = {("", "org.openmodelica"): ("FixedStepMaster", "stepSize"),
+               ("DefaultExperiment", "com.opensimulationplatform"): ("FixedStepAlgorithm", "baseStepSize")}
 
 
 def read_system(path: str | Path, *, locate: Locate | None = None,
@@ -134,14 +139,15 @@ def _unused(session: Session) -> list[str]:
 
 
 def _step_size(annotations: list[Annotation]) -> float | None:
-    """The step that OMSimulator's annotation of the whole system states; SSP itself has no word for it."""
+    """The step that the annotations of OMSimulator, libcosim or Ecos state; SSP itself has no word for it."""
     for found in annotations:
-        if found.type == _OPENMODELICA and not found.owner and "FixedStepMaster" in found.content:
-            _, mark, rest = found.content.partition('stepSize="')
-            try:
-                step = float(rest.partition('"')[0]) if mark else 0.0
-            except ValueError:
-                continue
-            if step > 0.0:
-                return step
+        mark = _STEP_SIZES.get((found.owner, found.type))
+        element, attribute = mark or ("", "")
+        match = re.search(rf'{element}\b[^<>]*\b{attribute}\s*=\s*"([^"]*)"', found.content) if mark else None
+        try:
+            step = float(match[1]) if match else 0.0
+        except ValueError:
+            continue
+        if 0.0 < step < math.inf:
+            return step
     return None

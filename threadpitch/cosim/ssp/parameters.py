@@ -58,7 +58,7 @@ def _values(parameter: Element, origin: str, definitions: Definitions) -> Iterat
     if kind is None or type_name(kind) in ("Binary", "Clock"):
         raise SystemStructureError(f"{origin}: parameter {name!r} is neither a number, a truth value nor a text")
     read = _reader(type_name(kind))
-    unit = kind.get("unit")
+    unit = _unbracketed(kind.get("unit"), definitions)
     common = ParameterValue(name, "", unit, origin, definitions.units.get(unit or ""),
                             choices=definitions.enumerations.get(kind.get("name", "")))
     extents = shape(parameter)
@@ -73,6 +73,12 @@ def _values(parameter: Element, origin: str, definitions: Definitions) -> Iterat
     indices = itertools.product(*(range(1, size + 1) for size in sizes)) if texts else ()
     for index, text in zip(indices, texts, strict=True):
         yield replace(common, name=f"{name}[{','.join(map(str, index))}]", value=read(text))
+
+
+def _unbracketed(unit: str | None, definitions: Definitions) -> str | None:
+    """``m`` of ``[m]``, as some tools write units, unless the file defines a unit of that name."""
+    bracketed = unit is not None and unit not in definitions.units and unit[:1] + unit[-1:] == "[]"
+    return unit[1:-1] if unit is not None and bracketed else unit
 
 
 def _texts(kind: Element) -> list[str]:

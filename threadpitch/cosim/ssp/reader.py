@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import TypeAlias
 from urllib.parse import unquote
 
-from threadpitch.cosim.archive import MAXIMUM_SIZE, TemporaryFolder, unpack
+from threadpitch.cosim.archive import MAXIMUM_SIZE, unpack
 from threadpitch.cosim.document import Element
 from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.ssp.block import Block, End, Reference, Wire
@@ -16,6 +16,7 @@ from threadpitch.cosim.ssp.content import Definitions, annotated, connector, con
 from threadpitch.cosim.ssp.parameters import mapped, mappings, parameter_values
 from threadpitch.cosim.ssp.schema import SSB, SSD, SSM, SSV, inside, parse, validate, where
 from threadpitch.cosim.system import Annotation, Component, Connector, ParameterValue, SystemStructureError
+from threadpitch.cosim.temporary_folder import TemporaryFolder
 
 Locate: TypeAlias = Callable[[str, Path], Path]
 

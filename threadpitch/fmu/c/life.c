@@ -131,11 +131,13 @@ static bool initialize(Instance *instance, Text *complaint)
         }
     }
     int64_t number = model.check(instance->self);
+    if (number == 0) {
+        number = model.initialize(instance->self);
+    }
     if (number != 0) {
         add_declared(complaint, number);
         return false;
     }
-    model.initialize(instance->self);
     instance->life.stale = !counts_fit(instance, complaint);
     return !instance->life.stale;
 }

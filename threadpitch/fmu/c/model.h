@@ -52,7 +52,7 @@ typedef struct {
     void (*create)(void *self);     /* start values; allocates the arrays */
     void (*destroy)(void *self);    /* frees the arrays */
     int64_t (*check)(void *self);   /* 0, or a declared error */
-    void (*initialize)(void *self); /* may be called several times */
+    int64_t (*initialize)(void *self); /* 0, or a declared error; may be called several times */
     int64_t (*step)(void *self, double time, double step_size); /* 0, or a declared error */
     const char *(*error)(int64_t number); /* its sentence */
 } Model;

@@ -73,7 +73,7 @@ static int64_t check(void *memory)
     return self->weights.data[0] + self->weights.data[1] == 0.0 ? 2 : 0;
 }
 
-static void initialize(void *memory)
+static int64_t initialize(void *memory)
 {
     Self *self = memory;
     self->position = 0.5 * self->force;
@@ -82,6 +82,7 @@ static void initialize(void *memory)
     for (int i = 0; i < HISTORY; i++) {
         self->history.data[i] = self->position;
     }
+    return 0;
 }
 
 /* x'' m = u + u' t + u''/2 t^2 + w loads, exactly */
