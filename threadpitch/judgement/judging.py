@@ -86,7 +86,7 @@ def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
     shown = measured_drunkenness([row.measured for row in rows], lead) if not changes else None
     verdicts = [replace(one, evidence=replace(one.evidence, within_turn=seen, measured_within_turn=shown),
                         notes=(*doubts(row, lead), *one.notes)) for row, one in zip(rows, verdicts, strict=True)]
-    return verdicts[0] if len(verdicts) == 1 else together(verdicts)
+    return verdicts[0] if len(verdicts) == 1 else together(verdicts, negligible)
 
 
 def _question(target: float, uncertainty: float | None, screw_lead: float | None,
@@ -154,7 +154,7 @@ def _in_stretches(pair: Pair, question: _Question) -> Verdict:
         found = assess(part, question.screw_turns, count * question.parts)
         verdicts.append(_worded(found.cause(question.negligible), found, ()))
     bounds = [f"{part.turns[0]:g} to {part.turns[-1]:g}" for part in parts]
-    chief = together(verdicts)
+    chief = together(verdicts, question.negligible)
     note = f"judged in {count} stretches: turns {', '.join(bounds)}; the parts of the rest are those of one of them"
     return replace(chief, evidence=of_the_whole(chief.evidence, pair), notes=(note,))
 
@@ -229,8 +229,10 @@ def _likeliest_noise(one: Verdict) -> bool:
     return bool(costs) and min(costs, key=lambda cause: costs[cause]) == NONE and one.evidence.movement == 0.0
 
 
-def together(verdicts: list[Verdict]) -> Verdict:
+def together(verdicts: list[Verdict], negligible: float | None = None) -> Verdict:
     """One verdict on several start angles, flanks or stretches: a cause that one of them shows is there.
+
+    One that is not named must be negligible, m, in all of them, where that is told.
 
     Where noise is the likeliest in all of them, and surely in most, that some are less sure is to be expected.
     """
@@ -250,4 +252,7 @@ def together(verdicts: list[Verdict]) -> Verdict:
                        advice=tuple(dict.fromkeys(line for one in verdicts for line in one.advice)))
     told = replace(chief.evidence, bound=max(one.evidence.bound for one in verdicts)) if cause != BOTH else \
         chief.evidence
-    return replace(chief, evidence=told, sentence=sentence(cause, told), rows=tuple(verdicts))
+    if negligible is not None and cause != BOTH and told.bound > negligible:
+        cause = UNDETERMINED
+    return replace(chief, cause=cause, evidence=told, sentence=sentence(cause, told), advice=advice(cause, told),
+                   rows=tuple(verdicts))
