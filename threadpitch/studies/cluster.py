@@ -21,6 +21,14 @@ JOB_QUEUES = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "lsf": "LSFCluster",
 _OF_CLUSTER = {"interface", "scheduler_options", "n_workers", "security"}  # what a cluster keeps from its jobs
 _DEATHS = 3  # workers that may die under a task before the task is suspected
 _CONNECT = 30.0  # s
+# What Dask does beside the rows in every process, for a dashboard that nobody looks at here: some 5 % of a core with
+# one worker, while client and scheduler share the cores of the workers.
+_QUIET = {
+    "distributed.worker.profile.enabled": False,  # looks at all stacks every 10 ms
+    "distributed.admin.tick.interval": "500ms",  # instead of 20 ms; tells of event loops that hang
+    "distributed.admin.system-monitor.interval": "10s",  # instead of 500 ms
+    "distributed.scheduler.active-memory-manager.start": False,  # there is nothing to move between workers
+}
 
 
 @contextlib.contextmanager
@@ -38,7 +46,7 @@ def connected(workers: int, scheduler: str | None, cluster: Mapping[str, Any]) -
                 "distributed.admin.large-graph-warning-threshold": "1GB",
                 "distributed.worker.memory.terminate": False, "distributed.worker.memory.pause": False}
     with contextlib.ExitStack() as stack:
-        stack.enter_context(dask.config.set(settings))
+        stack.enter_context(dask.config.set(settings | (_QUIET if scheduler is None else {})))
         if scheduler is not None:
             try:
                 yield stack.enter_context(Client(scheduler, set_as_default=False))
