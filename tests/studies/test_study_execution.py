@@ -174,7 +174,8 @@ def test_a_study_is_kept_in_the_store_once(tmp_path: Path, threadpitch: Command)
 def test_workers_of_a_scheduler_that_runs_already(tmp_path: Path) -> None:
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address="127.0.0.1:0",
+                      scheduler_kwargs={"dashboard": False}) as cluster:
         found = study(FORMULA, output=tmp_path / "there", place=Place(scheduler=cluster.scheduler_address))
     assert found.table.equals(study(FORMULA, output=tmp_path / "here", place=HERE).table, check_metadata=True)
 

@@ -61,8 +61,10 @@ def connected(workers: int, scheduler: str | None, cluster: Mapping[str, Any]) -
             try:
                 with _without_interrupt():
                     made = stack.enter_context(LocalCluster(
-                        n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
-                        memory_limit=0, silence_logs="CRITICAL"))
+                        n_workers=workers, threads_per_worker=1, processes=True, memory_limit=0,
+                        # No dashboard; without an address its server takes port 8787, and complains where it is taken.
+                        dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
+                        silence_logs="CRITICAL"))
             except RuntimeError as error:  # a process that died while it started
                 raise StudyError(f"the local workers cannot be started ({' '.join(str(error).split())}); try again, "
                                  "take fewer with --workers, or compute in this process with --workers 0") from None

@@ -6,10 +6,9 @@ import time as clock
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from threadpitch.studies import worker
-from threadpitch.studies.definition import Study
 from threadpitch.studies.evaluation import FAILED, Evaluator, Outcome
 
 if TYPE_CHECKING:
@@ -30,11 +29,10 @@ def in_this_process(evaluator: Evaluator, rows: Sequence[int]) -> Iterator[list[
 
 @dataclass
 class OnDask:
-    """The rows of one study on a cluster. ``components`` are the FMUs' contents, which workers compare theirs with."""
+    """The rows of one study on a cluster, whose workers have it under the name of its ``parcel``."""
 
     client: Client
-    study: Study
-    components: Any
+    parcel: str
 
     def outcomes(self, rows: Sequence[int]) -> Generator[list[Outcome], None, None]:
         """The outcomes of the rows, task by task as they are done; leaving cancels what is under way.
@@ -68,8 +66,7 @@ class OnDask:
                 self.client.cancel(list(under_way), force=True)
 
     def _submit(self, rows: list[int]) -> Future:
-        return self.client.submit(worker.compute, self.study.document, self.study.digest, self.components, rows,
-                                  pure=False)
+        return self.client.submit(worker.compute, self.parcel, rows, pure=False)
 
     def _threads(self) -> int:
         threads: int = sum(self.client.nthreads().values())
