@@ -39,8 +39,8 @@ from threadpitch.roles import Roles
 from threadpitch.studies import study_of
 from threadpitch.studies.cluster import connected
 from threadpitch.studies.evaluation import Evaluator
-from threadpitch.studies.execution import OnDask
-from threadpitch.studies.parcel import Parcel, sent
+from threadpitch.studies.execution import OnDask, sent
+from threadpitch.studies.parcel import Parcel
 from threadpitch.system_archive import FmuKind, build_system
 
 STOP, STEP = 4.0, 1e-3

@@ -12,8 +12,8 @@ from tests.benchmarks.bench_killed_workers import definition, own_workers
 from threadpitch.studies import Place, StudyError, study, study_of
 from threadpitch.studies.cluster import connected
 from threadpitch.studies.evaluation import Evaluator, Outcome
-from threadpitch.studies.execution import OnDask
-from threadpitch.studies.parcel import Parcel, sent
+from threadpitch.studies.execution import OnDask, sent
+from threadpitch.studies.parcel import Parcel
 from threadpitch.system_archive import FmuKind, build_system
 
 ROWS = 12

@@ -100,6 +100,8 @@ def job_queue(cluster: Mapping[str, Any]) -> Any:
     chosen = getattr(dask_jobqueue, JOB_QUEUES[kind])
     options = {"cores": 1, "memory": "2GB", **options}
     try:
+        # Not Dask's 8787, which another user of a login node may have taken.
+        options["scheduler_options"] = {"dashboard_address": ":0", **options.get("scheduler_options", {})}
         # A job alone first: a cluster that cannot be made complains once more when it is thrown away.
         chosen.job_cls("tcp://127.0.0.1:8786", "first", **{word: value for word, value in options.items()
                                                            if word not in _OF_CLUSTER})

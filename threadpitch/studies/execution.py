@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import time as clock
+import uuid
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from threadpitch.studies import worker
+from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import FAILED, Evaluator, Outcome
+from threadpitch.studies.parcel import Parcel
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -25,6 +29,28 @@ def in_this_process(evaluator: Evaluator, rows: Sequence[int]) -> Iterator[list[
     """The outcomes of the rows, one by one."""
     for outcome in evaluator.outcomes(rows):
         yield [outcome]
+
+
+@contextlib.contextmanager
+def sent(client: Client, parcel: Parcel) -> Iterator[str]:
+    """All workers have the parcel, under this name, until the end.
+
+    Raises:
+        StudyError: a worker cannot take it.
+    """
+    from threadpitch.studies.delivery import Delivery  # needs Dask
+
+    name = f"threadpitch-{uuid.uuid4().hex}"
+    try:
+        client.register_plugin(Delivery(name, parcel), name=name)
+    except Exception as error:  # whatever a worker with other software, or a full disk, comes to
+        raise StudyError(f"a worker cannot take the study ({type(error).__name__}: {' '.join(str(error).split())}); "
+                         "give workers the same threadpitch, and room on their disk") from None
+    try:
+        yield name
+    finally:
+        with contextlib.suppress(Exception):  # workers and scheduler may be gone, and the parcel with them
+            client.unregister_worker_plugin(name)
 
 
 @dataclass

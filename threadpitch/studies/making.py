@@ -17,9 +17,9 @@ from threadpitch.studies.cluster import available_cores, connected
 from threadpitch.studies.definition import Document, Study, read_study, study_of
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import Evaluator, Outcome
-from threadpitch.studies.execution import OnDask, in_this_process
+from threadpitch.studies.execution import OnDask, in_this_process, sent
 from threadpitch.studies.keeping import Folder, folder_size
-from threadpitch.studies.parcel import Parcel, sent
+from threadpitch.studies.parcel import Parcel
 
 if TYPE_CHECKING:
     import pyarrow

@@ -7,22 +7,16 @@ place of killed ones.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from threadpitch.cosim.system import System
 from threadpitch.fmu.cache import write_file
 from threadpitch.studies.definition import Document
-from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import Evaluator
-
-if TYPE_CHECKING:
-    from distributed import Client
 
 
 @dataclass(frozen=True)
@@ -68,25 +62,3 @@ class Parcel:
         for path in {one.fmu for one in components}:
             write_file(path, self.fmus[path.parent.name])
         return replace(self, system=replace(self.system, components=components), fmus={})
-
-
-@contextlib.contextmanager
-def sent(client: Client, parcel: Parcel) -> Iterator[str]:
-    """All workers have the parcel, under this name, until the end.
-
-    Raises:
-        StudyError: a worker cannot take it.
-    """
-    from threadpitch.studies.delivery import Delivery  # needs Dask
-
-    name = f"threadpitch-{uuid.uuid4().hex}"
-    try:
-        client.register_plugin(Delivery(name, parcel), name=name)
-    except Exception as error:  # whatever a worker with other software, or a full disk, comes to
-        raise StudyError(f"a worker cannot take the study ({type(error).__name__}: {' '.join(str(error).split())}); "
-                         "give workers the same threadpitch, and room on their disk") from None
-    try:
-        yield name
-    finally:
-        with contextlib.suppress(Exception):  # workers and scheduler may be gone, and the parcel with them
-            client.unregister_worker_plugin(name)

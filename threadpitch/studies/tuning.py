@@ -26,8 +26,8 @@ from threadpitch.studies.cluster import available_cores, connected
 from threadpitch.studies.definition import Document, Study, read_study, study_of
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import FAILED, OK, Evaluator, Outcome
-from threadpitch.studies.execution import DIED
-from threadpitch.studies.parcel import Parcel, sent
+from threadpitch.studies.execution import DIED, sent
+from threadpitch.studies.parcel import Parcel
 
 FloatArray = NDArray[np.float64]
 Point: TypeAlias = tuple[float, ...]  # the parameters' values, in their order
