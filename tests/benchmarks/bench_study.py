@@ -137,10 +137,11 @@ def others(folder: Path) -> Iterator[tuple[str, float]]:
     gains = [40.0 + number for number in range(OTHERS)]
     with ProcessPoolExecutor(CORES) as pool:
         bag = dask.bag.from_sequence(gains, npartitions=OTHERS).map(functools.partial(simulate_each, fmus))
-        ways = {"Dask bag of FMPy simulate_fmu, seven unconnected FMUs": lambda: bag.compute(scheduler="processes",
-                                                                                               pool=pool),
-                "process pool of FMPy simulate_ssp": lambda: list(pool.map(
-                    functools.partial(simulate_whole, str(ssp)), gains))}
+        whole = functools.partial(simulate_whole, str(ssp))
+        ways: dict[str, Callable[[], Any]] = {
+            "Dask bag of FMPy simulate_fmu, seven unconnected FMUs": functools.partial(
+                bag.compute, scheduler="processes", pool=pool),
+            "process pool of FMPy simulate_ssp": lambda: list(pool.map(whole, gains))}
         for name, compute in ways.items():
             compute()  # processes are started, modules imported
             began = perf_counter()
