@@ -109,8 +109,10 @@ def read_study(path: str | Path) -> Study:
         raise StudyError(f"{path}: {error}") from None
 
 
-def study_of(document: Document, base: str | Path = ".") -> Study:
+def study_of(document: Document, base: str | Path = ".", *, system_at_hand: bool = False) -> Study:
     """A study out of the tables of its file; ``base`` is the folder that paths count from.
+
+    ``system_at_hand``: the system has been read and is not looked for, as in a worker elsewhere.
 
     Raises:
         StudyError: something is missing or wrong.
@@ -121,7 +123,8 @@ def study_of(document: Document, base: str | Path = ".") -> Study:
     parameters = tuple(read_parameter(name, given) for name, given in _flat(_table(document, "parameters")))
     if not parameters:
         raise StudyError("[parameters] is empty; write \"z_drive.position_gain\" = { from = 30, to = 80 }")
-    system = _system(about.get("system", DEFAULT_SYSTEM), Path(base))
+    given = about.get("system", DEFAULT_SYSTEM)
+    system = given if system_at_hand and given != NO_SYSTEM else _system(given, Path(base))
     fixed = dict(_flat(_table(document, "fixed")))
     noise_seeds = tuple(about.get("noise_seeds", ()))
     _check_names(parameters, fixed, noise_seeds)

@@ -37,11 +37,15 @@ class Outcome:
 
 
 class Evaluator:
-    """Computes rows of one study; a context, in which the system's FMUs stay loaded."""
+    """Computes rows of one study; a context, in which the system's FMUs stay loaded.
 
-    def __init__(self, study: Study) -> None:
+    ``system`` is that of the study where it has been read already.
+    """
+
+    def __init__(self, study: Study, system: cosim.System | None = None) -> None:
         self.study = study
         self._stack = ExitStack()
+        self._given = system
         self._system: cosim.System | None = None
         self._roles: Roles | None = None
         self._mounted: Mounted | None = None
@@ -60,6 +64,15 @@ class Evaluator:
         self._mounts.close()
         self._stack.close()
         self._mounted = None
+
+    @property
+    def system(self) -> cosim.System | None:
+        """The system of the study, with the paths of its FMUs; None where outcomes are formulae.
+
+        Raises:
+            cosim.CosimError, BuildError: it cannot be read, or an FMU cannot be built.
+        """
+        return None if self.study.run.system is None else self._read()
 
     def outcomes(self, rows: Iterable[int]) -> Iterator[Outcome]:
         """The outcomes of these rows, one after the other; a row that fails says why, and the next one goes on."""
@@ -150,7 +163,7 @@ class Evaluator:
 
     def _read(self) -> cosim.System:
         if self._system is None:
-            self._system = self._stack.enter_context(cosim.read_system(
+            self._system = self._stack.enter_context(self._given or cosim.read_system(
                 self.study.run.system or "", locate=functools.partial(locate_fmu, self._flavor)))
             with cosim.prepare(self._system) as plan:
                 self._roles = Roles.of(plan)

@@ -17,8 +17,9 @@ from threadpitch.studies.cluster import available_cores, connected
 from threadpitch.studies.definition import Document, Study, read_study, study_of
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import Evaluator, Outcome
-from threadpitch.studies.execution import OnDask, in_this_process
+from threadpitch.studies.execution import OnDask, in_this_process, sent
 from threadpitch.studies.keeping import Folder, folder_size
+from threadpitch.studies.parcel import Parcel
 
 if TYPE_CHECKING:
     import pyarrow
@@ -83,13 +84,12 @@ def study(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUT
         raise StudyError("the study has no [cluster]; write one with kind = \"slurm\", jobs, cores, memory, walltime")
     with Evaluator(chosen) as evaluator:
         evaluator.check()
-        described = evaluator.describe()
-        folder = Folder(output, chosen, described)
+        folder = Folder(output, chosen, evaluator.describe())
         if retry_failed:
             folder.forget_failed()
         rows = [row for row in _of_shard(evaluator, place) if row not in folder.done]
         try:
-            for outcomes in _computed(evaluator, place, rows, described.get("components")):
+            for outcomes in _computed(evaluator, place, rows):
                 folder.add(outcomes)
                 if progress is not None:
                     progress(len(folder.done), len(chosen.rows))
@@ -160,8 +160,7 @@ def _workers(place: Place) -> int:
     return max(1, available_cores() if place.workers is None else place.workers)
 
 
-def _computed(evaluator: Evaluator, place: Place, rows: list[int],
-              components: Any) -> Generator[list[Outcome], None, None]:
+def _computed(evaluator: Evaluator, place: Place, rows: list[int]) -> Generator[list[Outcome], None, None]:
     """The outcomes as they come."""
     if not rows:
         return
@@ -170,6 +169,7 @@ def _computed(evaluator: Evaluator, place: Place, rows: list[int],
         yield from in_this_process(evaluator, rows)
         return
     cluster = evaluator.study.document.get("cluster", {}) if place.queue else {}
-    with connected(_workers(place), place.scheduler, cluster) as client, contextlib.closing(
-            OnDask(client, evaluator.study, components).outcomes(rows)) as outcomes:
+    parcel = Parcel.of(evaluator, with_fmus=place.scheduler is not None or place.queue)
+    with (connected(_workers(place), place.scheduler, cluster) as client, sent(client, parcel) as name,
+          contextlib.closing(OnDask(client, name).outcomes(rows)) as outcomes):
         yield from outcomes

@@ -26,7 +26,8 @@ from threadpitch.studies.cluster import available_cores, connected
 from threadpitch.studies.definition import Document, Study, read_study, study_of
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import FAILED, OK, Evaluator, Outcome
-from threadpitch.studies.execution import DIED
+from threadpitch.studies.execution import DIED, sent
+from threadpitch.studies.parcel import Parcel
 
 FloatArray = NDArray[np.float64]
 Point: TypeAlias = tuple[float, ...]  # the parameters' values, in their order
@@ -74,7 +75,7 @@ def tune(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTP
         compute = _here(evaluator)
         if workers != 0:
             client = stack.enter_context(connected(workers or available_cores(), None, {}))
-            compute = _on_dask(client, study, evaluator.describe().get("components"))
+            compute = _on_dask(client, study, stack.enter_context(sent(client, Parcel.of(evaluator))))
         search = _Search(study, goal, most, _History(Path(output), study), compute, progress)
         search.run(bounds)
     return search.result()
@@ -228,9 +229,9 @@ def _here(evaluator: Evaluator) -> Compute:
                            for number, point in enumerate(points)]
 
 
-def _on_dask(client: Any, study: Study, components: Any) -> Compute:
+def _on_dask(client: Any, study: Study, parcel: str) -> Compute:
     def compute(points: Sequence[Point]) -> list[Outcome]:
-        evaluate = functools.partial(worker.evaluate, study.document, study.digest, components)
+        evaluate = functools.partial(worker.evaluate, parcel)
         futures = client.map(evaluate, [_row(study, point) for point in points], pure=False)
         return [_outcome_of(future) for future in futures]
 
