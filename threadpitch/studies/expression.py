@@ -51,6 +51,9 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "all": np.all, "first": lambda values: np.ravel(values)[0], "last": lambda values: np.ravel(values)[-1],
     "range": np.ptp, "percentile": np.percentile,
 }
+_MANY = 100
+_ARGUMENTS: Mapping[str, tuple[int, int]] = {  # least and most values of a function; of all others one
+    "hypot": (2, 2), "percentile": (2, 2), "min": (1, _MANY), "max": (1, _MANY)}
 CONSTANTS: Mapping[str, Any] = {"pi": math.pi, "true": True, "false": False}
 
 
@@ -70,7 +73,10 @@ class Expression:
             self._tree = ast.parse(text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise self._error("is no expression; write it like max(abs(z_drive.following_error))") from None
-        self.names = frozenset(self._look(self._tree))
+        try:
+            self.names = frozenset(self._look(self._tree))
+        except RecursionError:
+            raise self._error("is nested too deeply; write it as several outcomes") from None
 
     def __call__(self, quantity: Callable[[str], Quantity]) -> float | bool | str:
         """The value: one number, truth value or text.
@@ -114,6 +120,9 @@ class Expression:
             case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]):
                 if function not in FUNCTIONS:
                     raise self._error(f"has no function {function!r}{nearest(function, FUNCTIONS)}")
+                least, most = _ARGUMENTS.get(function, (1, 1))
+                if not least <= len(arguments) <= most:
+                    raise self._error(f"gives {function} {len(arguments)} values; it takes {_said(least, most)}")
                 parts = arguments
             case _:
                 raise self._error(f"holds {ast.unparse(node)!r}, which is not arithmetic")
@@ -163,3 +172,7 @@ class Expression:
 
     def _error(self, what: str) -> StudyError:
         return StudyError(f"{self._where}: {self.text[:80]!r} {what}")
+
+
+def _said(least: int, most: int) -> str:
+    return str(least) if least == most else f"{least} or more"

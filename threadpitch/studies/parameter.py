@@ -18,6 +18,7 @@ from threadpitch.studies.quantity import Level, level, number
 FloatArray = NDArray[np.float64]
 
 LEVELS = 5  # of a distribution in a grid
+MOST_LEVELS = 1_000_000
 _RANGE = {"from", "to", "count", "log"}
 
 
@@ -102,6 +103,8 @@ def _ranged(name: str, given: Mapping[str, Any]) -> Parameter:
     """From one number to another: with a count equally spaced values, without one a uniform distribution."""
     low, high = (number(given[word], f"parameter {name}: {word}") for word in ("from", "to"))
     log, count = given.get("log", False), given.get("count")
+    if not isinstance(log, bool):
+        raise StudyError(f"parameter {name}: log: {log!r} is neither true nor false")
     if not low < high or (log and low <= 0.0):
         raise StudyError(f"parameter {name}: 'from' must be {'positive and ' if log else ''}less than 'to'")
     if count is not None:
@@ -122,10 +125,11 @@ def _distributed(name: str, given: Mapping[str, Any]) -> Parameter:
     family = getattr(scipy.stats, word)
     shapes = [one.strip() for one in (family.shapes or "").split(",") if one.strip()]
     wanted = set(given) - {"distribution", "levels"}
-    known = {*shapes, "loc", *({"scale"} if isinstance(family, scipy.stats.rv_continuous) else ())}
-    if not set(shapes) <= wanted <= known:
-        raise StudyError(f"parameter {name}: {word} takes {', '.join(sorted(known))}, and needs "
-                         f"{', '.join(shapes) or 'none of them'}")
+    known = [*shapes, "loc", *(["scale"] if isinstance(family, scipy.stats.rv_continuous) else [])]
+    for unknown in sorted(wanted - set(known)):
+        raise StudyError(f"parameter {name}: {word} has no {unknown!r}; it takes {', '.join(known)}")
+    for missing in (shape for shape in shapes if shape not in wanted):
+        raise StudyError(f"parameter {name}: {word} needs {missing!r}; it takes {', '.join(known)}")
     values = {one: number(given[one], f"parameter {name}: {one}", difference=one != "loc") for one in wanted}
     law = family(**values)
     if not (math.isfinite(law.ppf(0.5)) and math.isfinite(law.ppf(0.001))):
@@ -134,5 +138,5 @@ def _distributed(name: str, given: Mapping[str, Any]) -> Parameter:
 
 
 def _check_count(name: str, count: object) -> None:
-    if not isinstance(count, int) or isinstance(count, bool) or count < 2:
-        raise StudyError(f"parameter {name}: {count!r} levels are none; give 2 or more")
+    if not isinstance(count, int) or isinstance(count, bool) or not 2 <= count <= MOST_LEVELS:
+        raise StudyError(f"parameter {name}: {count!r} is no number of levels; give 2 to {MOST_LEVELS:,}")
