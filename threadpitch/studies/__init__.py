@@ -6,15 +6,18 @@
 The way of a study is ``making.study``.
 """
 
-from threadpitch.studies.analysis import Analysis, Indices, Interval, Response, analysis_document
+from threadpitch.studies.analysis import Analysis, Indices, Interval, Response, YieldResponse
 from threadpitch.studies.definition import Study, read_study, study_of
+from threadpitch.studies.document import analysis_document
 from threadpitch.studies.errors import StudyError
+from threadpitch.studies.keeping import is_study
 from threadpitch.studies.making import (
     DEFAULT_OUTPUT,
     Estimate,
     Place,
     StudyResult,
     estimate,
+    kept,
     read_shard,
     row,
     study,
@@ -33,8 +36,11 @@ __all__ = [
     "StudyError",
     "StudyResult",
     "Tuning",
+    "YieldResponse",
     "analysis_document",
     "estimate",
+    "is_study",
+    "kept",
     "read_shard",
     "read_study",
     "row",

@@ -21,7 +21,7 @@ from threadpitch.studies.design import DESIGNS, Design, Row, check_design, row_s
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.expression import FUNCTIONS, Expression
 from threadpitch.studies.parameter import Parameter, read_parameter
-from threadpitch.studies.quantity import number
+from threadpitch.studies.quantity import number, written_unit
 from threadpitch.studies.statistics import STATISTICS, Judging
 
 Document = Mapping[str, Any]
@@ -48,7 +48,8 @@ class Run:
 
 @dataclass(frozen=True)
 class Study:
-    """``limits`` are the greatest good values of outcomes, SI; ``noise_seeds`` names parameters that differ by row.
+    """``limits`` are the greatest good values of outcomes, SI, ``limit_units`` what they are written in;
+    ``noise_seeds`` names parameters that differ by row.
 
     ``document`` is the study as it was written, which workers read once more.
     """
@@ -58,6 +59,7 @@ class Study:
     parameters: tuple[Parameter, ...]
     outcomes: Mapping[str, Expression]
     limits: Mapping[str, float]
+    limit_units: Mapping[str, str]
     design: Design
     judging: Judging
     noise_seeds: tuple[str, ...]
@@ -110,8 +112,9 @@ def read_study(path: str | Path) -> Study:
         raise StudyError(f"{path}: {error}") from None
 
 
-def study_of(document: Document, base: str | Path = ".") -> Study:
-    """A study out of the tables of its file; ``base`` is the folder that paths count from.
+def study_of(document: Document, base: str | Path = ".", *, computed: bool = False) -> Study:
+    """A study out of the tables of its file; ``base`` is the folder that paths count from. Of one that is ``computed``
+    the system need not be there any more.
 
     Raises:
         StudyError: something is missing or wrong.
@@ -122,15 +125,18 @@ def study_of(document: Document, base: str | Path = ".") -> Study:
     parameters = tuple(read_parameter(name, given) for name, given in _flat(_table(document, "parameters")))
     if not parameters:
         raise StudyError("[parameters] is empty; write \"z_drive.position_gain\" = { from = 30, to = 80 }")
-    system = _system(about.get("system", DEFAULT_SYSTEM), Path(base))
+    given = about.get("system", DEFAULT_SYSTEM)
+    system = str(given) if computed and given != NO_SYSTEM else _system(given, Path(base))
     fixed = dict(_flat(_table(document, "fixed")))
     noise_seeds = _names(about, "noise_seeds")
+    _check_names(parameters, fixed, noise_seeds, _table(document, "outcomes"))
     outcomes = _outcomes(_table(document, "outcomes"))
-    _check_names(parameters, fixed, noise_seeds, outcomes)
     limits = _limits(_table(document, "limits"), outcomes)
     design = _design(about, parameters, document.get("correlations", ()))
     study = Study(
         name=str(about.get("name", "study")), parameters=parameters, outcomes=outcomes, limits=limits, design=design,
+        limit_units={name: found for name, value in _table(document, "limits").items()
+                     if (found := written_unit(value))},
         judging=_judging(about), noise_seeds=noise_seeds, document=_settled(document, system),
         run=Run(system, fixed, _seconds(about, "stop_time"), _seconds(about, "step_size"), about.get("flavor"),
                 _angles(about), _truth(about, "share_beginnings", True)))
@@ -195,8 +201,8 @@ def _limits(given: Document, outcomes: Document) -> dict[str, float]:
 
 def _judging(about: Document) -> Judging:
     limit = about.get("pitch_limit")
-    uncertainty = number(about.get("uncertainty", Judging.uncertainty), "[study] uncertainty")
-    found = Judging(None if limit is None else number(limit, "[study] pitch_limit"), uncertainty)
+    uncertainty = number(about.get("uncertainty", Judging.uncertainty), "[study] uncertainty", measures="m")
+    found = Judging(None if limit is None else number(limit, "[study] pitch_limit", measures="m"), uncertainty)
     if uncertainty <= 0.0 or (found.pitch_limit is not None and found.pitch_limit <= 0.0):
         raise StudyError("[study]: pitch_limit and uncertainty must be positive")
     return found
@@ -264,7 +270,7 @@ def _truth(about: Document, name: str, otherwise: bool) -> bool:
 
 
 def _seconds(about: Document, name: str) -> float | None:
-    return None if name not in about else number(about[name], f"[study] {name}")
+    return None if name not in about else number(about[name], f"[study] {name}", measures="s")
 
 
 def _angles(about: Document) -> tuple[float, ...] | None:

@@ -58,7 +58,7 @@ CONSTANTS: Mapping[str, Any] = {"pi": math.pi, "true": True, "false": False}
 
 
 class Expression:
-    """A parsed text; ``names`` are the quantities that it needs.
+    """A parsed text, ``tree``; ``names`` are the quantities that it needs.
 
     Raises (the class itself):
         StudyError: it is no such expression.
@@ -70,11 +70,11 @@ class Expression:
         if len(text) > LONGEST:
             raise self._error(f"is longer than {LONGEST} characters")
         try:
-            self._tree = ast.parse(text.strip(), mode="eval").body
+            self.tree = ast.parse(text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise self._error("is no expression; write it like max(abs(z_drive.following_error))") from None
         try:
-            self.names = frozenset(self._look(self._tree))
+            self.names = frozenset(self._look(self.tree))
         except RecursionError:
             raise self._error("is nested too deeply; write it as several outcomes") from None
 
@@ -86,7 +86,9 @@ class Expression:
         """
         try:
             with np.errstate(all="ignore"):  # what is not finite stays so, and is told by the row
-                found = self._value(self._tree, quantity)
+                found = self._value(self.tree, quantity)
+        except StudyError as error:  # of a quantity, in words of its own
+            raise StudyError(f"{self._where}: {error}") from None
         except (TypeError, ValueError, ZeroDivisionError, OverflowError) as error:
             raise self._error(f"cannot be computed: {' '.join(str(error).split())}") from None
         if isinstance(found, str):
@@ -97,7 +99,7 @@ class Expression:
 
     def _look(self, node: ast.AST) -> Iterator[str]:
         """The names in a tree that holds only what is known."""
-        name = self._name(node)
+        name = name_of(node)
         if name is not None:
             if name in FUNCTIONS:
                 raise self._error(f"names the function {name} without (...)")
@@ -129,25 +131,8 @@ class Expression:
         for part in parts:
             yield from self._look(part)
 
-    def _name(self, node: ast.AST) -> str | None:
-        """``a.b[1]`` as one name; None for what is none."""
-        match node:
-            case ast.Name(id=name):
-                return name
-            case ast.Attribute(value=owner, attr=word):
-                before = self._name(owner)
-                return None if before is None else f"{before}.{word}"
-            case ast.Subscript(value=owner, slice=index):
-                before = self._name(owner)
-                numbers = index.elts if isinstance(index, ast.Tuple) else [index]
-                if before is None or not all(isinstance(one, ast.Constant) and type(one.value) is int
-                                             for one in numbers):
-                    return None
-                return f"{before}[{','.join(ast.unparse(one) for one in numbers)}]"
-        return None
-
     def _value(self, node: ast.AST, quantity: Callable[[str], Quantity]) -> Quantity:
-        name = self._name(node)
+        name = name_of(node)
         if name is not None:
             return CONSTANTS[name] if name in CONSTANTS else quantity(name)
         match node:
@@ -176,3 +161,21 @@ class Expression:
 
 def _said(least: int, most: int) -> str:
     return str(least) if least == most else f"{least} or more"
+
+
+def name_of(node: ast.AST) -> str | None:
+    """``a.b[1]`` as one name; None for what is none."""
+    match node:
+        case ast.Name(id=name):
+            return name
+        case ast.Attribute(value=owner, attr=word):
+            before = name_of(owner)
+            return None if before is None else f"{before}.{word}"
+        case ast.Subscript(value=owner, slice=index):
+            before = name_of(owner)
+            numbers = index.elts if isinstance(index, ast.Tuple) else [index]
+            if before is None or not all(isinstance(one, ast.Constant) and type(one.value) is int
+                                         for one in numbers):
+                return None
+            return f"{before}[{','.join(ast.unparse(one) for one in numbers)}]"
+    return None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from threadpitch.cosim.system import nearest
 from threadpitch.studies.errors import StudyError
-from threadpitch.studies.quantity import Level, level, number
+from threadpitch.studies.quantity import Level, common_unit, level, number
 
 FloatArray = NDArray[np.float64]
 
@@ -24,12 +24,16 @@ _RANGE = {"from", "to", "count", "log"}
 
 @dataclass(frozen=True)
 class Parameter:
-    """``values`` in SI, names or truth values; or a frozen distribution of ``scipy.stats``, with its ``levels``."""
+    """``values`` in SI, names or truth values; or a frozen distribution of ``scipy.stats``, with its ``levels``.
+
+    ``unit`` is the one that they are written with in the study.
+    """
 
     name: str
     values: tuple[Level, ...] = ()
     law: Any = None
     count: int = LEVELS
+    unit: str | None = None
 
     @property
     def drawn(self) -> bool:
@@ -96,13 +100,14 @@ def _listed(name: str, given: Sequence[object]) -> Parameter:
         raise StudyError(f"parameter {name}: has {'one of its values twice' if values else 'no values'}")
     if len({type(value) for value in values}) > 1:
         raise StudyError(f"parameter {name}: mixes numbers, texts and truth values; take one kind")
-    return Parameter(name, values)
+    return Parameter(name, values, unit=common_unit(given, f"parameter {name}"))
 
 
 def _ranged(name: str, given: Mapping[str, Any]) -> Parameter:
     """From one number to another: with a count equally spaced values, without one a uniform distribution."""
     low, high = (number(given[word], f"parameter {name}: {word}") for word in ("from", "to"))
     log, count = given.get("log", False), given.get("count")
+    written = common_unit((given["from"], given["to"]), f"parameter {name}")
     if not isinstance(log, bool):
         raise StudyError(f"parameter {name}: log: {log!r} is neither true nor false")
     if not low < high or (log and low <= 0.0):
@@ -110,8 +115,9 @@ def _ranged(name: str, given: Mapping[str, Any]) -> Parameter:
     if count is not None:
         _check_count(name, count)
         values = np.geomspace(low, high, count) if log else np.linspace(low, high, count)
-        return Parameter(name, tuple(float(value) for value in values))
-    return Parameter(name, law=scipy.stats.loguniform(low, high) if log else scipy.stats.uniform(low, high - low))
+        return Parameter(name, tuple(float(value) for value in values), unit=written)
+    law = scipy.stats.loguniform(low, high) if log else scipy.stats.uniform(low, high - low)
+    return Parameter(name, law=law, unit=written)
 
 
 def _distributed(name: str, given: Mapping[str, Any]) -> Parameter:
@@ -134,7 +140,8 @@ def _distributed(name: str, given: Mapping[str, Any]) -> Parameter:
     law = family(**values)
     if not (math.isfinite(law.ppf(0.5)) and math.isfinite(law.ppf(0.001))):
         raise StudyError(f"parameter {name}: {word} does not exist with {values}; see scipy.stats.{word}")
-    return Parameter(name, law=law, count=count)
+    written = common_unit((given[one] for one in ("loc", "scale") if one in given), f"parameter {name}")
+    return Parameter(name, law=law, count=count, unit=written)
 
 
 def _check_count(name: str, count: object) -> None:
