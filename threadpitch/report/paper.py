@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Page: TypeAlias = "list[str] | Figure"  # lines of text, or a figure of the size A4
 
 A4 = (8.27, 11.69)  # inch
-_LINES = 76  # of text on a page
+LINES = 76  # of text on a page
 _WIDTH = 98  # characters of a line of text
 _SHORT = 30  # rows of a table that shares its page
 _GAP = "   "  # between two columns of a table
@@ -156,7 +156,7 @@ def paginated(lines: Iterable[str]) -> Iterator[list[str]]:
     page: list[str] = []
     for line in lines:
         page.append(line)
-        if len(page) == _LINES:
+        if len(page) == LINES:
             yield page
             page = []
     if page:
@@ -182,7 +182,7 @@ def table_pages(name: str, table: TextTable) -> Iterator[list[str]]:
     head = line(table.columns)
     beside = max(1, (_WIDTH + len(_GAP)) // (len(head) + len(_GAP)))
     rows = [line(row) for row in table.rows]
-    room = _LINES - 4
+    room = LINES - 4
     for first in range(0, max(len(rows), 1), room * beside):
         part = rows[first:first + room * beside]
         height = min(room, max(-(-len(part) // beside), min(len(part), room // 2)))

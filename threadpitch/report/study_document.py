@@ -7,11 +7,12 @@ import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from threadpitch import __version__
 from threadpitch.report.output import check_output
 from threadpitch.report.page import Scripts, style, templates, write_whole
-from threadpitch.report.paper import A4, Page, paginated, require, table_pages, wrapped, write_pages
+from threadpitch.report.paper import A4, LINES, Page, paginated, require, table_pages, wrapped, write_pages
 from threadpitch.report.statements import TextTable
 from threadpitch.report.study_figures import StudyFigure, study_figures
 from threadpitch.studies import StudyResult
@@ -19,6 +20,10 @@ from threadpitch.studies.keeping import METADATA
 from threadpitch.study_report import reasons, sentences, study_tables
 from threadpitch.tables import printable
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_TOP, _BOTTOM = 0.92, 0.05  # of a page, between which figures stand
 _SVG = {"svg.hashsalt": "threadpitch", "axes.grid": True, "grid.alpha": 0.3, "font.size": 9.0,
         "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False, "text.parse_math": False}
 
@@ -57,16 +62,27 @@ def _svg(one: StudyFigure) -> str:
 
 
 def _pages(title: str, result: StudyResult) -> Iterator[Page]:
-    tables = [line for one in study_tables(result.document)
-              for page in table_pages("", TextTable(one.heading, one.columns, one.rows)) for line in [*page, "", ""]]
-    told = [line for text in (title, *_told(result), "", *sentences(result.document), "") for line in wrapped(text)]
-    yield from paginated([*told, "", *tables])
+    page = [line for text in (title, *_told(result), "", *sentences(result.document)) for line in wrapped(text)]
+    for one in study_tables(result.document):
+        for table in table_pages(result.study.name, TextTable(one.heading, one.columns, one.rows)):
+            if page and len(page) + 2 + len(table) > LINES:  # a table is not torn apart
+                yield from paginated(page)
+                page = []
+            page += ["", "", *table]
+    yield from paginated(page)
     for one in study_figures(result):
-        one.figure.set_size_inches(A4[0], min(A4[1], one.figure.get_figheight() * A4[0] / one.figure.get_figwidth()))
-        one.figure.suptitle(f"{one.title}. {one.text}", wrap=True, fontsize=8)
-        yield one.figure
+        yield _on_paper(one)
     yield from paginated(line for name, text in (("Provenance", ""), *_provenance(result))
                          for line in wrapped(f"{name}: {text}" if text else name))
+
+
+def _on_paper(one: StudyFigure) -> Figure:
+    """The figure at the head of a page, below its title."""
+    height = min(one.figure.get_figheight() / A4[1], _TOP - _BOTTOM)
+    one.figure.set_size_inches(*A4)
+    one.figure.set_layout_engine("constrained", rect=(0.06, _TOP - height, 0.88, height))
+    one.figure.text(0.07, 0.96, "\n".join(wrapped(f"{one.title}. {one.text}")), fontsize=8, va="top")
+    return one.figure
 
 
 def _told(result: StudyResult) -> list[str]:
