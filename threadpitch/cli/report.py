@@ -36,8 +36,8 @@ _NAMED = 3  # threads in a title
 @log_options.with_log_options
 def report(
     inputs: Annotated[list[Path], typer.Argument(
-        metavar="RESULT|LOG|STUDY ...",
-        help="Folder of a run, or a log; of several the curves lie over one another. Or the folder of one study.")],
+        metavar="RESULT|LOG|STUDY ...", help="Folder of a run, or a log; of several the curves lie over one another. "
+                                             "Or the folder of one study.")],
     of_log: LogOptions,
     output: Annotated[Path, typer.Option(
         "--output", "-o", metavar="FILE", help="FILE.html, one file that opens offline, or FILE.pdf.")]

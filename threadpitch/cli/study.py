@@ -109,9 +109,10 @@ def counting_rows(label: str = "rows") -> Iterator[studies.making.Progress]:
 
 
 def _print_row(definition: Path, number: int, as_json: bool) -> None:
-    parameters, outcome, units = studies.row(definition, number)
+    parameters, outcome = studies.row(definition, number)
     if outcome.status == FAILED:
         fail(f"row {number}: {outcome.reason}")
+    units = studies.units(definition)
     with printing():
         if as_json:
             print_json({"row": number, **values_document(parameters, outcome.values, units)})

@@ -45,8 +45,8 @@ class Scripts:
         if self.addresses:
             allowed.append("'self'")
         connect = "'self'" if self.addresses else "'none'"
-        return (f"default-src 'none'; script-src {' '.join(allowed) or _NONE}; style-src 'unsafe-inline'; img-src data: blob:; "
-                f"connect-src {connect}; base-uri 'none'; form-action 'self'")
+        return (f"default-src 'none'; script-src {' '.join(allowed) or _NONE}; style-src 'unsafe-inline'; "
+                f"img-src data: blob:; connect-src {connect}; base-uri 'none'; form-action 'self'")
 
 
 def write_page(report: Report, path: Path) -> None:

@@ -42,8 +42,8 @@ def study_figures(result: StudyResult) -> Iterator[StudyFigure]:
         yield StudyFigure("Yield", "Share of the rows within all limits over each parameter; bars are its confidence "
                           f"interval of {document['confidence']:.0%}, where the design is a sample.", _yields(told))
     if any(np.ptp(one.mean) > 0.0 for one in result.analysis.responses):
-        yield StudyFigure("Responses", "Every outcome over every parameter: rows (grey), mean and standard deviation at "
-                          "each place; the dashed level is the limit.", _responses(result))
+        yield StudyFigure("Responses", "Every outcome over every parameter: rows (grey), mean and standard deviation "
+                          "at each place; the dashed level is the limit.", _responses(result))
     if document["sobol_indices"]:
         yield StudyFigure("Sobol indices", "The part of an outcome's variance that comes from a parameter alone (first "
                           "order) and with all in which it takes part (total); bars are confidence intervals.",
@@ -88,8 +88,9 @@ def _with_intervals(axes: Axes, places: Sequence[float], shares: Sequence[Drawn]
     values = scale * np.array([one["value"] for one in shares])
     low, high = (scale * np.array([one["value"] if one[end] is None else one[end] for one in shares])
                  for end in ("low", "high"))
-    axes.errorbar(places, values, [np.maximum(values - low, 0.0), np.maximum(high - values, 0.0)], color=colour,
-                  marker=marker, markersize=4, capsize=3, linewidth=1.2, linestyle="-" if percent else "none", label=name)
+    lengths = [np.maximum(values - low, 0.0), np.maximum(high - values, 0.0)]
+    axes.errorbar(places, values, lengths, color=colour, marker=marker, markersize=4, capsize=3, linewidth=1.2,
+                  linestyle="-" if percent else "none", label=name)
 
 
 def _responses(result: StudyResult) -> Figure:

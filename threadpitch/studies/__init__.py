@@ -21,6 +21,7 @@ from threadpitch.studies.making import (
     read_shard,
     row,
     study,
+    units,
 )
 from threadpitch.studies.tuning import Tuning, tune
 
@@ -47,4 +48,5 @@ __all__ = [
     "study",
     "study_of",
     "tune",
+    "units",
 ]

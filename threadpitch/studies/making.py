@@ -106,10 +106,10 @@ def study(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUT
                     progress(len(folder.done), len(chosen.rows))
         finally:
             folder.flush()
-        units = evaluator.units
+        shown = evaluator.units
     table = folder.finish()
     result = StudyResult(chosen, table, analyze(chosen, table.to_pydict()), folder.path, len(folder.missing),
-                         units)
+                         shown)
     if result.complete:
         write_file(folder.path / ANALYSIS, json.dumps(result.document, indent=1).encode())
     return result
@@ -130,8 +130,8 @@ def kept(path: str | Path) -> StudyResult:
                        document.get("units", {}))
 
 
-def row(definition: str | Path | Document, number: int) -> tuple[Mapping[str, Any], Outcome, Units]:
-    """Parameters and outcomes of one row alone, to the same bits as in the study, and the units they are read in.
+def row(definition: str | Path | Document, number: int) -> tuple[Mapping[str, Any], Outcome]:
+    """Parameters and outcomes of one row alone, SI, to the same bits as in the study.
 
     Raises:
         StudyError: there is no such row; and as ``study``.
@@ -140,7 +140,18 @@ def row(definition: str | Path | Document, number: int) -> tuple[Mapping[str, An
     if not 0 <= number < len(chosen.rows):
         raise StudyError(f"there is no row {number}; the study has rows 0 to {len(chosen.rows) - 1}")
     with Evaluator(chosen) as evaluator:
-        return chosen.rows[number], next(evaluator.outcomes([number])), evaluator.units
+        return chosen.rows[number], next(evaluator.outcomes([number]))
+
+
+def units(definition: str | Path | Document) -> Units:
+    """The units that people read a study's parameters and outcomes in.
+
+    Raises:
+        StudyError, cosim.CosimError: as ``study``.
+    """
+    chosen = study_of(definition) if isinstance(definition, Mapping) else read_study(definition)
+    with Evaluator(chosen) as evaluator:
+        return evaluator.units
 
 
 def estimate(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTPUT,
