@@ -70,7 +70,8 @@ def test_where_the_yield_is_best_is_told(tmp_path: Path) -> None:
 
 def test_one_at_a_time_compares_what_differs_in_nothing_else(tmp_path: Path) -> None:
     result = study({"study": {"system": "none", "design": "one_at_a_time"},
-                    "parameters": {"a": [1, 2, 3], "b": [0, 10]}, "outcomes": {"y": "a + b"}}, output=tmp_path, place=HERE)
+                    "parameters": {"a": [1, 2, 3], "b": [0, 10]}, "outcomes": {"y": "a + b"}},
+                   output=tmp_path, place=HERE)
     assert [one.mean.tolist() for one in result.analysis.responses] == [[1.0, 2.0, 3.0], [2.0, 12.0]]
     assert not any(one.spread.any() for one in result.analysis.responses)
 

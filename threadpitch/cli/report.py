@@ -36,8 +36,8 @@ _NAMED = 3  # threads in a title
 @log_options.with_log_options
 def report(
     inputs: Annotated[list[Path], typer.Argument(
-        metavar="RESULT|LOG|STUDY ...", help="Folder of a run, or a log; of several the curves lie over one another. "
-                                             "Or the folder of one study.")],
+        metavar="RESULT|LOG|STUDY ...",
+        help="Folder of a run, or a log; of several the curves lie over one another. Or the folder of a study.")],
     of_log: LogOptions,
     output: Annotated[Path, typer.Option(
         "--output", "-o", metavar="FILE", help="FILE.html, one file that opens offline, or FILE.pdf.")]
@@ -74,7 +74,7 @@ def report(
     engagement: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Length over which they add up.", show_default="longest normal one")] = None,
 ) -> None:
-    """Runs and logs, or a study, as one HTML file that opens offline, or as a PDF: tables, verdict, charts, provenance."""
+    """Runs and logs, or a study, as one HTML file that opens offline, or a PDF: tables, verdict, charts, provenance."""
     check_output(output)
     if any(is_study(path) for path in inputs):
         if len(inputs) > 1:
@@ -82,8 +82,8 @@ def report(
         result = kept(inputs[0])
         write_study(result, title, output)
         with printing():
-            for line in sentences(result.document):
-                print(line)
+            for sentence in sentences(result.document):
+                print(sentence)
             print(f"saved in {output}")
         return
     if crossing not in CROSSINGS:

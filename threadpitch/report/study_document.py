@@ -70,8 +70,8 @@ def _pages(title: str, result: StudyResult) -> Iterator[Page]:
                 page = []
             page += ["", "", *table]
     yield from paginated(page)
-    for one in study_figures(result):
-        yield _on_paper(one)
+    for figure in study_figures(result):
+        yield _on_paper(figure)
     yield from paginated(line for name, text in (("Provenance", ""), *_provenance(result))
                          for line in wrapped(f"{name}: {text}" if text else name))
 

@@ -153,7 +153,7 @@ def _comparable(study: Study, name: str, columns: Columns) -> NDArray[np.int64]:
     if study.design.kind != ONE_AT_A_TIME:
         return rows
     others = [one for one in study.parameters if one.name != name]
-    return rows[[all(columns[one.name][row] == one.middle for one in others) for row in rows]]
+    return rows[[all(columns[one.name][row] == one.middle for one in others) for row in rows.tolist()]]
 
 
 def _grouped(study: Study, name: str, values: Sequence[Any]) -> tuple[list[Any], list[BoolArray]]:
