@@ -19,8 +19,8 @@ from threadpitch.cosim.kernel import (
     inlined,
     publish,
     receive,
-    record,
 )
+from threadpitch.cosim.kernel_recording import record
 from threadpitch.cosim.tables import DONE, STATE_FAILED, UNSETTLED, End, Span, Tables
 
 begin_iteration = inlined(iteration.begin_iteration)

@@ -12,7 +12,8 @@ from numba import carray  # type: ignore[attr-defined] # Numba's own types leave
 from numpy.typing import NDArray
 
 from threadpitch.cosim.calls import copy_bytes, pointer
-from threadpitch.cosim.kernel import attach, compiled, do_step, publish, receive, record, transfer
+from threadpitch.cosim.kernel import attach, compiled, do_step, publish, receive, transfer
+from threadpitch.cosim.kernel_recording import record
 from threadpitch.cosim.tables import DONE, End, Span
 
 DIFFERENT = -6  # a word of End.what besides those of ``tables``
