@@ -112,9 +112,10 @@ def read_study(path: str | Path) -> Study:
         raise StudyError(f"{path}: {error}") from None
 
 
-def study_of(document: Document, base: str | Path = ".", *, computed: bool = False) -> Study:
-    """A study out of the tables of its file; ``base`` is the folder that paths count from. Of one that is ``computed``
-    the system need not be there any more.
+def study_of(document: Document, base: str | Path = ".", *, system_at_hand: bool = False) -> Study:
+    """A study out of the tables of its file; ``base`` is the folder that paths count from.
+
+    ``system_at_hand``: the system has been read and is not looked for, as in a worker elsewhere.
 
     Raises:
         StudyError: something is missing or wrong.
@@ -126,7 +127,7 @@ def study_of(document: Document, base: str | Path = ".", *, computed: bool = Fal
     if not parameters:
         raise StudyError("[parameters] is empty; write \"z_drive.position_gain\" = { from = 30, to = 80 }")
     given = about.get("system", DEFAULT_SYSTEM)
-    system = str(given) if computed and given != NO_SYSTEM else _system(given, Path(base))
+    system = given if system_at_hand and given != NO_SYSTEM else _system(given, Path(base))
     fixed = dict(_flat(_table(document, "fixed")))
     noise_seeds = _names(about, "noise_seeds")
     _check_names(parameters, fixed, noise_seeds, _table(document, "outcomes"))

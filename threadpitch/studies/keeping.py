@@ -59,7 +59,7 @@ def kept_study(path: Path) -> tuple[Study, dict[str, Any]]:
     """
     try:
         document = json.loads((path / DOCUMENT).read_text(encoding="utf-8"))
-        return study_of(document["study"], computed=True), document
+        return study_of(document["study"], system_at_hand=True), document
     except FileNotFoundError:
         raise StudyError(f"{path}: holds no study; give the folder that 'threadpitch study --output' wrote") from None
     except (ValueError, KeyError, TypeError) as error:
