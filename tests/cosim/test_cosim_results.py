@@ -51,7 +51,7 @@ def test_files_hold_the_bits_of_the_memory(system: System, tmp_path: Path, kind:
     if kind.endswith("parquet"):
         pytest.importorskip("pyarrow")
     whole = simulate(system, record=["*"], **OPTIONS)
-    monkeypatch.setattr(recording, "BLOCK_ROWS", 37)  # many blocks, the last one not full
+    monkeypatch.setattr(recording, "FILE_ROWS", 37)  # many blocks, the last one not full
     found = simulate(system, record=["*"], results=tmp_path / "new" / kind, engine=engine, **OPTIONS)
     assert (found.rows, found.completed, found.path) == (1001, True, tmp_path / "new" / kind)
     same(whole, found)
@@ -62,7 +62,7 @@ def test_files_hold_the_bits_of_the_memory(system: System, tmp_path: Path, kind:
 def test_parquet_is_one_table_with_units_and_metadata(system: System, tmp_path: Path,
                                                       monkeypatch: pytest.MonkeyPatch) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    monkeypatch.setattr(recording, "BLOCK_ROWS", 100)
+    monkeypatch.setattr(recording, "FILE_ROWS", 100)
     result = simulate(system, results=tmp_path / "r.parquet", **OPTIONS)
     table = parquet.read_table(tmp_path / "r.parquet")
     assert table.column_names == ["time", *result]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -22,7 +23,9 @@ Times: TypeAlias = NDArray[np.float64]  # (rows,)
 Rows: TypeAlias = Mapping[int, NDArray[Any]]  # by width: (rows, channels of this width), whole numbers with the bits
 WIDTHS = (8, 4, 2, 1)  # bytes of a value
 WORD = 8  # bytes: every piece begins at a multiple
+NEVER, ONE_OF_MANY, AT_EVENTS, ALWAYS = range(4)  # when a value changes
 PIECE_SIZE = 256  # bytes: comparing takes little, and little is kept that has not changed
+STRETCH_PIECES = 8  # that are compared at once
 _FAMILIES = ("Real", "Integer", "Boolean")
 
 
@@ -62,14 +65,14 @@ class Channel:
 class Piece(NamedTuple):
     """Columns ``first`` to ``last`` - 1 of a width; in a row that is stored whole its words begin at ``word``.
 
-    ``fixed`` tells that its values stay as they are.
+    ``changes`` tells when its values do: NEVER, or that of the most restless one.
     """
 
     width: int
     first: int
     last: int
     word: int
-    fixed: bool
+    changes: int
 
     @property
     def words(self) -> int:
@@ -81,19 +84,21 @@ class Channels:
     """The recorded variables, and where each lies in the rows.
 
     ``all`` lists Real variables first, then whole numbers, then Booleans; ``by_width[width]`` those whose values have
-    ``width`` bytes, in the order of their columns: first what stays as it is, then what seldom changes. ``row_words``
-    are those of a row that is stored whole.
+    ``width`` bytes, in the order of their columns: first what stays as it is, then what seldom changes, and of that
+    what one component gives side by side. ``row_words`` are those of a row that is stored whole. ``stretches`` are
+    pieces ``first`` to ``last`` - 1 that change, or stay as they are, together.
     """
 
     def __init__(self, channels: Iterable[Channel]) -> None:
         given = tuple(channels)
         self.all = tuple(sorted(given, key=lambda one: _FAMILIES.index(C_TYPES[one.variable.c_type].family)))
-        self.by_width = {width: tuple(sorted((found for found in given if found.width == width),
-                                             key=_restlessness)) for width in WIDTHS}
+        self.by_width = {width: tuple(_ordered([one for one in self.all if one.width == width])) for width in WIDTHS}
         self.places = {channel.name: place for found in self.by_width.values() for place, channel in enumerate(found)}
         self.pieces = tuple(_pieces(self.by_width))
+        self.stretches = tuple(_stretches(self.pieces))
         self.begins = np.array([piece.word for piece in self.pieces], np.int64)
-        self.row_words = sum(piece.words for piece in self.pieces)
+        self.piece_words = np.array([piece.words for piece in self.pieces], np.int64)
+        self.row_words = int(self.piece_words.sum())
         self.first_pieces = {piece.width: number for number, piece in reversed(list(enumerate(self.pieces)))}
 
     def empty(self, count: int) -> dict[int, NDArray[Any]]:
@@ -110,13 +115,20 @@ class Channels:
         return found
 
 
+def _ordered(channels: Sequence[Channel]) -> list[Channel]:
+    """By restlessness and component, in the order in which they are given else."""
+    components = {name: place for place, name in enumerate(dict.fromkeys(channel.component for channel in channels))}
+    return sorted(channels, key=lambda one: (_restlessness(one), components[one.component]))
+
+
 def _restlessness(channel: Channel) -> int:
-    """How often a value may be expected to change: never, as one of many at events, at events, always."""
+    """When a value may be expected to change."""
     if channel.variable.fixed:
-        return 0
+        return NEVER
     if channel.variable.discrete:
-        return 1 if channel.variable.name.endswith("]") else 2
-    return 3
+        # Those of few bytes fill few pieces anyway, but in long runs if they are not parted.
+        return ONE_OF_MANY if channel.variable.name.endswith("]") or channel.width < WORD else AT_EVENTS
+    return ALWAYS
 
 
 def _pieces(by_width: Mapping[int, Sequence[Channel]]) -> Iterator[Piece]:
@@ -125,9 +137,19 @@ def _pieces(by_width: Mapping[int, Sequence[Channel]]) -> Iterator[Piece]:
         step = PIECE_SIZE // width
         for first in range(0, len(channels), step):
             inside = channels[first:first + step]
-            piece = Piece(width, first, first + len(inside), word, all(channel.variable.fixed for channel in inside))
+            piece = Piece(width, first, first + len(inside), word, max(map(_restlessness, inside)))
             yield piece
             word += piece.words
+
+
+def _stretches(pieces: Sequence[Piece]) -> Iterator[tuple[int, int]]:
+    """Pieces that change often stand alone; of the others, those that never change and those that may are parted."""
+    last = 0
+    for (_, _, often), found in groupby(
+            pieces, lambda piece: (piece.width, piece.changes == NEVER, piece.changes > ONE_OF_MANY)):
+        first, last = last, last + len(list(found))
+        step = 1 if often else STRETCH_PIECES
+        yield from ((begin, min(begin + step, last)) for begin in range(first, last, step))
 
 
 @dataclass(frozen=True)
@@ -165,6 +187,13 @@ class Block:
             first = self.places[:, number, None].astype(np.int64) * (WORD // piece.width)
             found[piece.width][:, piece.first:piece.last] = self.words.view(f"i{piece.width}")[first + inside]
         return found
+
+    @property
+    def newest(self) -> NDArray[np.int64]:
+        """The words of the last row as one that is stored whole, (row words,)."""
+        layout = self.channels
+        shifts = np.repeat(self.places[-1].astype(np.int64) - layout.begins, layout.piece_words)
+        return self.words[shifts + np.arange(layout.row_words)]
 
     def column(self, channel: Channel) -> Column:
         """The values of one variable, (rows,)."""

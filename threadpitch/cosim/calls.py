@@ -101,6 +101,21 @@ def _copy_bytes(typing_context: Any, target: Any, source: Any, count: Any) -> An
 
 
 @intrinsic
+def _compare_bytes(typing_context: Any, first: Any, second: Any, count: Any) -> Any:
+    """memcmp(first, second, count): 0 where they are alike."""
+    signature = types.int32(types.uintp, types.uintp, types.uintp)
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        byte = ir.IntType(8).as_pointer()
+        function = cgutils.get_or_insert_function(  # type: ignore[no-untyped-call] # Numba
+            builder.module, ir.FunctionType(_STATUS, [byte, byte, _ADDRESS]), "memcmp")
+        first, second = (builder.inttoptr(address, byte) for address in arguments[:2])
+        return builder.call(function, [first, second, arguments[2]])
+
+    return signature, generate
+
+
+@intrinsic
 def _pointer(typing_context: Any, address: Any) -> Any:
     """An address as a pointer, which ``numba.carray`` takes."""
     signature = types.voidptr(types.uintp)
@@ -118,4 +133,5 @@ call_five: Any = _call_five
 call_step2: Any = _call_step2
 call_step3: Any = _call_step3
 copy_bytes: Any = _copy_bytes
+compare_bytes: Any = _compare_bytes
 pointer: Any = _pointer

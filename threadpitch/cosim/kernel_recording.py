@@ -8,7 +8,7 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined] # Numba's own types leave it out
 
 from threadpitch.compiled import compiled as compiled_by_numba
-from threadpitch.cosim.calls import copy_bytes, pointer
+from threadpitch.cosim.calls import compare_bytes, copy_bytes, pointer
 from threadpitch.cosim.tables import NOWHERE, Span, Tables
 
 WORD = np.uint64(8)  # bytes
@@ -23,43 +23,40 @@ def record(tables: Tables, step: int, span: Span) -> None:
     if step % span.every != 0:
         return
     row, count = step // span.every - span.drained, tables.pieces.size
+    empty = tables.latest[0] == NOWHERE
+    for s in range(tables.stretches.size):
+        stretch = tables.stretches[s]
+        if not empty and not changed(tables, stretch.first_run, stretch.last_run):
+            continue
+        whole = empty or stretch.last_piece - stretch.first_piece == 1
+        for p in range(stretch.first_piece, stretch.last_piece):
+            piece = tables.pieces[p]
+            if whole or changed(tables, piece.first_run, piece.last_run):
+                take(tables, p, span)
     places = carray(pointer(span.places + np.uint64(4 * row * count)), (count,), np.uint32)
     for p in range(count):
-        piece = tables.pieces[p]
-        if tables.latest[p] == NOWHERE or changed(tables, piece, span.words + WORD * tables.latest[p]):
-            used = tables.latest[count]
-            for r in range(piece.first_run, piece.last_run):
-                run = tables.runs[r]
-                copy_bytes(span.words + WORD * used + run.target, run.source, run.count)
-            tables.latest[p] = used
-            tables.latest[count] = used + piece.words
         places[p] = tables.latest[p]
 
 
 @inlined
-def changed(tables: Tables, piece: Any, latest: int) -> Any:
-    """Whether a value of the piece is another one, bit by bit, than in the latest row."""
-    different = np.uint64(0)
-    if piece.fixed != 0:
-        return False
+def changed(tables: Tables, first: int, last: int) -> Any:
+    """Whether a value of these runs is another one, bit by bit, than in the newest row."""
+    for r in range(first, last):
+        run = tables.runs[r]
+        if compare_bytes(run.source, run.newest, run.count) != 0:
+            return True
+    return False
+
+
+@inlined
+def take(tables: Tables, p: int, span: Span) -> None:
+    """Copy a piece into the newest row, and from there behind the words that are used."""
+    piece, count = tables.pieces[p], tables.pieces.size
     for r in range(piece.first_run, piece.last_run):
         run = tables.runs[r]
-        count = np.int64(run.count // WORD)
-        now, before = words_at(run.source, count), words_at(latest + run.target, count)
-        for n in range(count):
-            different |= now[n] ^ before[n]
-        for n in range(np.uint64(count) * WORD, run.count):
-            different |= octet(run.source + n) ^ octet(latest + run.target + n)
-    return different != 0
-
-
-@inlined
-def words_at(address: int, count: Any) -> Any:
-    """So many words that begin at an address."""
-    return carray(pointer(address), (count,), np.uint64)
-
-
-@inlined
-def octet(address: int) -> Any:
-    """The byte at an address."""
-    return np.uint64(carray(pointer(address), (1,), np.uint8)[0])
+        copy_bytes(run.newest, run.source, run.count)
+    used = tables.latest[count]
+    newest = np.uint64(tables.newest.ctypes.data) + WORD * piece.word
+    copy_bytes(span.words + WORD * used, newest, WORD * piece.words)
+    tables.latest[p] = used
+    tables.latest[count] = used + piece.words

@@ -42,7 +42,9 @@ class Network:
         self._links = tuple(links)
         self._names = [instance.name for instance in instances]
         watched = [Channel(found.component, found.variable) for found in levels]
-        self._layout = Layout(self._names, self._links, [*recorder.channels, *watched], self.method)
+        # In the order of the rows: what lies side by side in both is compared and copied at once.
+        recorded = [found for width in WIDTHS for found in recorder.by_width[width]]
+        self._layout = Layout(self._names, self._links, [*recorded, *watched], self.method)
         start = recorder.schedule.start_time
         followed = sum(map(self.method.follows, self._links))
         self.loops, iterates = self._find_loops()

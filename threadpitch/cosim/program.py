@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from threadpitch.cosim.algorithms import unsettled
+from threadpitch.cosim.block import NEVER, WORD, Piece
 from threadpitch.cosim.c_types import C_TYPES
 from threadpitch.cosim.instance import FmuInstance
 from threadpitch.cosim.instance2 import FmuInstance2, derivative_arguments
@@ -34,6 +35,7 @@ from threadpitch.cosim.tables import (
     RUN,
     STATE_FAILED,
     STEP_FAILED,
+    STRETCH,
     UNSETTLED,
     WATCH,
     Records,
@@ -95,7 +97,10 @@ class Program:
     def span(self, network: Network, schedule: Schedule, steps: range) -> Span:
         """What a compiled loop is told of these steps, whose rows fit into the recorder's block."""
         recorder = network.recorder
-        self._tables.latest[:-1] = recorder.places[recorder.filled - 1] if recorder.filled else NOWHERE
+        self._tables.latest[:-1] = NOWHERE
+        if recorder.filled:
+            self._tables.latest[:-1] = recorder.places[recorder.filled - 1]
+            self._tables.newest[:] = recorder.block(recorder.filled - 1).newest
         self._tables.latest[-1] = recorder.used
         return Span(steps.start, steps.stop, schedule.start_time, schedule.step_size, recorder.every, recorder.drained,
                     recorder.words.ctypes.data, recorder.places.ctypes.data, network.method.tolerance,
@@ -127,7 +132,8 @@ class Program:
         memory, times, starts, samples, iterates, _ = network.state
         answers = np.zeros(len(nodes), ANSWER)
         answer_places = answers.ctypes.data + np.arange(len(nodes), dtype=np.uintp) * np.uintp(ANSWER.itemsize)
-        pieces, runs = _pieces(network)
+        newest = np.zeros(network.recorder.layout.row_words, np.int64)
+        compared, pieces, runs = _stretches(network, newest.ctypes.data)
         return Tables(
             nodes=_records(nodes, NODE),
             copies=_records(self._records["copy"], COPY),
@@ -137,8 +143,9 @@ class Program:
             watches=_records(self._records["watch"], WATCH),
             answers=answers, answer_places=answer_places.astype(np.uintp),
             memory=Views(*(memory.view(name) for name in Views._fields)),
-            times=times, starts=starts, samples=samples, pieces=pieces, runs=runs,
-            latest=np.zeros(len(pieces) + 1, np.uint64), loops=_records(network.loops, LOOP), iterates=iterates)
+            times=times, starts=starts, samples=samples, stretches=compared, pieces=pieces, runs=runs,
+            newest=newest, latest=np.zeros(len(pieces) + 1, np.uint64), loops=_records(network.loops, LOOP),
+            iterates=iterates)
 
     def _node(self, node: Node, multiple: int) -> tuple[int, ...]:
         """The record of one node, after those of its parts."""
@@ -196,17 +203,28 @@ class Program:
                 orders.ctypes.data, following.derivatives.ctypes.data, 5)
 
 
-def _pieces(network: Network) -> tuple[Records, Records]:
-    """What is recorded together, and the fewest stretches of bytes that it consists of."""
-    begin = network.octets.ctypes.data
-    pieces: list[tuple[int, ...]] = []
-    records: list[tuple[int, ...]] = []
-    for piece in network.recorder.layout.pieces:
-        first = len(records)
-        for number, place, count in stretches(network.recorded[piece.width][piece.first:piece.last].tolist()):
-            records.append((begin + number * piece.width, place * piece.width, count * piece.width))
-        pieces.append((first, len(records), piece.words, int(piece.fixed)))
-    return _records(pieces, PIECE), _records(records, RUN)
+def _stretches(network: Network, newest: int) -> tuple[Records, Records, Records]:
+    """What is compared at once, what is recorded together, and the fewest runs of bytes that both consist of.
+
+    ``newest`` is the address of the newest row. What stays as it is has no runs to compare. Pieces of values that
+    change at events only are compared together, because hardly ever one of them has changed; others on their own.
+    """
+    begin, layout = network.octets.ctypes.data, network.recorder.layout
+    runs: list[tuple[int, int, int]] = []
+
+    def add(pieces: Sequence[Piece]) -> tuple[int, int]:
+        first, width = len(runs), pieces[0].width
+        inside = network.recorded[width][pieces[0].first:pieces[-1].last].tolist()
+        for number, place, count in stretches(inside):
+            runs.append((begin + number * width, newest + pieces[0].word * WORD + place * width, count * width))
+        return first, len(runs)
+
+    pieces = [(*add([piece]), piece.word, piece.words) for piece in layout.pieces]
+    compared = []
+    for first, last in layout.stretches:
+        fixed = layout.pieces[first].changes == NEVER
+        compared.append((first, last, *((0, 0) if fixed else add(layout.pieces[first:last]))))
+    return _records(compared, STRETCH), _records(pieces, PIECE), _records(runs, RUN)
 
 
 def _watches(begin: int, watched: Sequence[Watch]) -> list[tuple[int, int, int]]:

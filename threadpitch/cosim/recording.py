@@ -13,8 +13,9 @@ from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.events import EventRecord
 from threadpitch.cosim.schedule import Schedule
 
-BLOCK_SIZE = 32 * 2**20  # bytes
-BLOCK_ROWS = 2**15  # that go to a file together; memory takes what comes in large pieces
+FILE_BLOCK = 32 * 2**20  # bytes that rows for a file may take
+FILE_ROWS = 2**15  # that go to a file together
+MEMORY_BLOCK = 128 * 2**20  # bytes that rows in memory may take; of these only what has changed is ever touched
 _TOGETHER = 256  # rows whose places are written at once
 
 
@@ -155,8 +156,8 @@ class Recorder:
         count = schedule.steps // every + 1
         self.takings = tuple(takings) or (Taking(self.layout, MemoryRows(self.layout, count)),)
         files = any(not isinstance(taking.sink, MemoryRows) for taking in self.takings)
-        most = max(1, BLOCK_SIZE // max(self.layout.row_words * WORD, 1))
-        self._size = min(count, most, BLOCK_ROWS if files else most)
+        most = max(1, (FILE_BLOCK if files else MEMORY_BLOCK) // max(self.layout.row_words * WORD, 1))
+        self._size = min(count, most, FILE_ROWS if files else most)
         self.drained = 0
         self.steps = 0
         self.events: list[EventRecord] = []

@@ -30,10 +30,13 @@ FOLLOW = np.dtype([("number", "i8"), ("giver", "i8"), ("source", "i8"), ("target
                    ("first", "i8"), ("second", "i8"), ("plain", "i8"), ("factor", "f8"), ("shift", "f8")])
 # Float64 (width 8) or Float32 values that follow each other.
 WATCH = np.dtype([("address", "u8"), ("width", "i8"), ("count", "i8")])
-# What is recorded together (see block.Piece): its runs, how many words its values take, and whether these stay.
-PIECE = np.dtype([("first_run", "i8"), ("last_run", "i8"), ("words", "u8"), ("fixed", "i8")])
-# Bytes that follow each other in the memory and in a piece: the first of them in both.
-RUN = np.dtype([("source", "u8"), ("target", "u8"), ("count", "u8")])
+# What is recorded together (see block.Piece): its runs, and its words in a row that is stored whole.
+PIECE = np.dtype([("first_run", "i8"), ("last_run", "i8"), ("word", "u8"), ("words", "u8")])
+# Pieces side by side that are compared at once: the fewest runs of all that can change in them.
+STRETCH = np.dtype([("first_piece", "i8"), ("last_piece", "i8"), ("first_run", "i8"), ("last_run", "i8")])
+# Bytes that follow each other in the memory and in a row that is stored whole: the addresses of the first of them in
+# the memory and in the newest row.
+RUN = np.dtype([("source", "u8"), ("newest", "u8"), ("count", "u8")])
 LOOP = np.dtype([(name, "i8") for name in Loop._fields])
 # What fmi3DoStep answers, in the order that calls.call_step3 knows.
 ANSWER = np.dtype([("reached", "f8"), ("event", "u1"), ("ended", "u1"), ("early", "u1"), ("unused", "u1", (5,))])
@@ -71,9 +74,11 @@ class Tables(NamedTuple):
     times: NDArray[np.float64]
     starts: NDArray[np.float64]
     samples: Samples
+    stretches: Records
     pieces: Records
     runs: Records
-    latest: NDArray[np.uint64]  # (pieces + 1,) the place of every piece in the latest row; then the words that are used
+    newest: NDArray[np.int64]  # (row words,) the row that was recorded last, stored whole
+    latest: NDArray[np.uint64]  # (pieces + 1,) the place of every piece in that row; then the words that are used
     loops: Records
     iterates: Iterates
 
@@ -123,8 +128,8 @@ def places(tables: Tables) -> NDArray[np.uint64]:
     Compiled code that is handed arrays counts the references to each of them in every call, which takes ten times
     what the loop itself does; arrays that it makes of addresses have no owner and no count.
     """
-    arrays = [*tables[:8], *tables.memory, tables.times, tables.starts, *tables.samples, tables.pieces, tables.runs,
-              tables.latest, tables.loops, *tables.iterates]
+    arrays = [*tables[:8], *tables.memory, tables.times, tables.starts, *tables.samples, tables.stretches,
+              tables.pieces, tables.runs, tables.newest, tables.latest, tables.loops, *tables.iterates]
     return np.array([(array.ctypes.data, array.shape[0], array.shape[1] if array.ndim == 2 else 1)
                      for array in arrays], np.uint64)
 

@@ -67,3 +67,78 @@ def test_all_at_once(slave: FMU2Slave) -> None:
 def test_a_reference_behind_the_last_is_refused(tmp_path: Path) -> None:
     with filled(tmp_path) as made, pytest.raises(FMICallException):
         made.getReal(list(range(LAST + 2)))
+
+
+COUNTS = '''
+from dataclasses import dataclass
+from threadpitch.fmu.variable import Experiment, output, parameter
+
+EXPERIMENT = Experiment(stop_time=1.0, step_size=0.5)
+
+
+@dataclass
+class Counts:
+    """Counts, one after another."""
+
+    counts: list[int] = output("1", "Place times factor", start=0, size=40, min=-2147483648, max=2147483647)
+    factor: int = parameter("1", "Factor", start=3, min=-1000, max=200000000)
+    marks: list[bool] = output("1", "Every second", start=False, size=3)
+
+    def check(self) -> int:
+        """Always content."""
+        return 0
+
+    def initialize(self) -> None:
+        """All of them."""
+        for i in range(40):
+            self.counts[i] = self.factor * (i - 20)
+        self.marks[1] = True
+
+    def step(self, time: float, step_size: float) -> int:
+        """As they are."""
+        return 0
+'''
+
+
+@contextlib.contextmanager
+def counted(folder: Path, factor: int) -> Iterator[FMU2Slave]:
+    """An instance that is being initialised with this factor."""
+    path = folder / "counts.py"
+    path.write_text(COUNTS)
+    unpacked = extract(str(cached_fmu(path, "native")), str(folder / "fmu"))
+    description = read_model_description(unpacked)
+    slave = FMU2Slave(guid=description.guid, modelIdentifier=description.coSimulation.modelIdentifier,
+                      unzipDirectory=unpacked, instanceName="counts")
+    slave.instantiate()
+    slave.setInteger([40], [factor])
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    try:
+        yield slave
+    finally:
+        slave.freeInstance()
+
+
+@pytest.fixture(scope="module")
+def counts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FMU2Slave]:
+    with counted(tmp_path_factory.mktemp("counts"), -3) as made:
+        made.exitInitializationMode()
+        yield made
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.lists(st.tuples(st.integers(0, 39), st.integers(1, 40), st.sampled_from((1, 1, 0, 2, -1))), max_size=6))
+def test_stretches_of_integers(counts: FMU2Slave, stretches: list[tuple[int, int, int]]) -> None:
+    references = [first + step * n for first, count, step in stretches for n in range(count)
+                  if 0 <= first + step * n <= 39]
+    assert counts.getInteger(references) == [-3 * (reference - 20) for reference in references]
+    assert counts.getInteger([*references, 40]) == [*(-3 * (reference - 20) for reference in references), -3]
+    assert counts.getBoolean([41, 42, 43]) == [False, True, False]
+
+
+@pytest.mark.parametrize("references", [list(range(40)), [39], [30, 31, 39, 0]], ids=["all", "one", "gaps"])
+def test_an_integer_beyond_32_bits_is_refused(tmp_path: Path, references: list[int]) -> None:
+    with counted(tmp_path, 2**31 // 19 + 1) as made:
+        assert made.getInteger(range(2, 39)) == [(2**31 // 19 + 1) * (place - 20) for place in range(2, 39)]
+        with pytest.raises(FMICallException):
+            made.getInteger(references)

@@ -77,6 +77,23 @@ static void copy_reals(double *to, const double *from, size_t count)
     }
 }
 
+/* False where one does not fit into an fmi2Integer, and then the instance fails. */
+static bool copy_integers(Instance *instance, fmi2Integer *to, const Cell *cells, size_t count)
+{
+    const int64_t *from = cells->value;
+    int64_t lost = 0;
+    for (size_t i = 0; i < count; i++) {
+        to[i] = (fmi2Integer)from[i];
+        lost |= from[i] ^ to[i];
+    }
+    for (size_t i = 0; lost != 0 && i < count; i++) {
+        if (!instance_integer(instance, cells + i, to + i)) {
+            return false;
+        }
+    }
+    return true;
+}
+
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[])
 {
     if (!begin_get(c, "fmi2GetReal", vr, nvr, value)) {
@@ -99,13 +116,16 @@ fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t
     if (!begin_get(c, "fmi2GetInteger", vr, nvr, value)) {
         return fmi2Error;
     }
-    for (size_t i = 0; i < nvr; i++) {
+    for (size_t i = 0; i < nvr;) {
         const Cell *cell = cell_of(c, vr[i], INTEGER);
-        int32_t number;
-        if (cell == NULL || !instance_integer(c, cell, &number)) {
+        if (cell == NULL) {
             return fmi2Error;
         }
-        value[i] = number;
+        size_t count = counting_up(c, vr + i, cell->row < nvr - i ? cell->row : nvr - i);
+        if (!copy_integers(c, value + i, cell, count)) {
+            return fmi2Error;
+        }
+        i += count;
     }
     return fmi2OK;
 }
