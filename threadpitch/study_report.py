@@ -67,9 +67,9 @@ def sentences(document: Document) -> list[str]:
     share = document["yields"].get(ALL)
     if share is None:
         return []
-    found = [f"Within all limits: {_percent(share['value'])} of {document['rows']} rows"
+    found = [f"Within all limits: {_percent(share['value'])} of {_rows(document['rows'])}"
              + (f"; {document['confidence']:.0%} confidence interval {_interval(share, percent=True)}."
-                if share["low"] is not None else ", which are no sample: no confidence interval.")]
+                if share["low"] is not None else ", no random sample: no confidence interval.")]
     spreads = {number: max(shares) - min(shares) for number, one in enumerate(document["yield_responses"])
                if (shares := [here["value"] for here in one["yields"]])}
     if spreads and max(spreads.values()) > 0.0:
@@ -218,6 +218,10 @@ def _interval(one: Document, *, percent: bool = False) -> str:
     if percent:
         return f"{from_si(one['low'], '%'):.2f} to {from_si(one['high'], '%'):.2f} %"
     return f"{one['low']:.3f} to {one['high']:.3f}"
+
+
+def _rows(count: int) -> str:
+    return "1 row" if count == 1 else f"{count} rows"
 
 
 def _percent(share: float) -> str:

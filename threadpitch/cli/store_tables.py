@@ -53,7 +53,9 @@ def show_run(console: Console, run: StoredRun) -> None:
             console.print(Text(f"{name}: {printable(text)}"))
     console.print()
     if run.summary.kind == STUDY:
-        show_tables(console, run.provenance["analysis"])
+        analysis = run.provenance.get("analysis", {})
+        if "yield_responses" in analysis:  # else it was kept by an older version, which told less
+            show_tables(console, analysis)
         return
     show_groups(console, [StreamedPitch(f"{one.label} ({one.calculator})", one.table) for one in run.passes])
 
