@@ -61,10 +61,10 @@ BROKEN: dict[str, tuple[bytes, str]] = {
     "damaged.csv.gz": (PACKED[:3000] + b"\xff" * 40 + PACKED[3040:], "the compressed file is damaged"),
     "wrong sum.csv.gz": (PACKED[:-8] + b"\1\2\3\4" + PACKED[-4:], "the compressed file is damaged"),
     "zlib.csv": (zlib.compress(log()), "no column|is not a text file|line of more than|no rows|first row"),
-    "cut.parquet": (PARQUET[:300], "cannot be read as Parquet"),
+    "cut.parquet": (PARQUET[:300], "the Parquet file is cut off: its end is missing after 300 bytes"),
     "false.parquet": (PARQUET, "cannot be read as Parquet"),
     "cut.h5": (b"\x89HDF\r\n\x1a\n" + b"\0" * 100, "cannot be read as HDF5"),
-    "cut.mat": (b"MATLAB 5.0 MAT-file" + b" " * 30, "cannot be read as MAT"),
+    "cut.mat": (b"MATLAB 5.0 MAT-file" + b" " * 30, "the MAT file is cut off: its end is missing after 49 b"),
     "cut.tdms": (b"TDSm" + b"\xff" * 60, "cannot be read as TDMS|there is no column of numbers"),
     "cut.mf4": (b"MDF     4.10    " + b"\xff" * 90, "cannot be read as MDF"),
     # the header

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.conftest import Command, assert_one_line
 from threadpitch.pitch import pitch_tables, thread_pitch
 from threadpitch.trace import TURN, ColumnChoice, FloatArray, TraceError, array_files
+from threadpitch.trace.cut_off import cut_off
 
 TIME: FloatArray = 1e-3 * np.arange(2000.0)
 REVS: FloatArray = 8.0 * TIME + 0.01 * np.sin(9.0 * TIME)
@@ -165,3 +167,37 @@ def test_damaged_files_of_every_format_are_refused_in_one_line(tmp_path: Path, n
             assert str(error).startswith(str(tmp_path / name))  # noqa: PT017 -- what can be saved may be read
             assert str(error).isprintable()  # noqa: PT017
     gc.collect()
+
+
+@pytest.mark.parametrize("name", ["log.parquet", "log.h5", "log.mat", "log.tdms", "log.mf4"])
+def test_a_file_that_is_cut_off_is_refused_as_such(tmp_path: Path, threadpitch: Command, name: str) -> None:
+    WRITERS[name](tmp_path / name)
+    whole = (tmp_path / name).read_bytes()
+    assert cut_off(tmp_path / name, array_files.array_format(tmp_path / name)) == ""
+    for size in (len(whole) - 1, len(whole) - 100, len(whole) // 2, len(whole) // 50):
+        (tmp_path / name).write_bytes(whole[:size])
+        assert_one_line(threadpitch("analyze", tmp_path / name).err,
+                        f"the {array_files.array_format(tmp_path / name)} file is cut off: .*{size}.*bytes")
+
+
+def test_segments_and_superblocks_of_every_kind_are_seen_as_whole(tmp_path: Path) -> None:
+    import h5py
+    from nptdms import ChannelObject, TdmsWriter
+    for version in ("earliest", "v108", "latest"):
+        with h5py.File(tmp_path / "log.h5", "w", libver=version, userblock_size=512) as file:
+            file["revs"] = REVS
+        assert cut_off(tmp_path / "log.h5", "HDF5") == ""
+        text = (tmp_path / "log.h5").read_bytes()
+        (tmp_path / "log.h5").write_bytes(text[:-1])
+        assert cut_off(tmp_path / "log.h5", "HDF5")
+    path = tmp_path / "log.tdms"
+    with TdmsWriter(path) as file:
+        for part in np.split(REVS, 4):
+            file.write_segment([ChannelObject("Trace", "revs", part)])
+    assert cut_off(path, "TDMS") == ""
+    whole = path.read_bytes()
+    last = whole.rindex(b"TDSm")
+    path.write_bytes(whole[:last] + whole[last : last + 12] + b"\xff" * 8 + whole[last + 20 :])
+    assert cut_off(path, "TDMS") == ""  # of a recorder that was switched off: what is there can be read
+    path.write_bytes(whole[:-7])
+    assert cut_off(path, "TDMS") == f"{len(whole) - 7} of at least {len(whole)} bytes are there"

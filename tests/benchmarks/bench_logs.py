@@ -2,8 +2,10 @@
 
     python -m tests.benchmarks.bench_logs [samples]
 
-Every figure is of a process of its own; the best of three is taken. On a machine with other work the processor time
-tells more than the clock: reading and analysing go on at the same time.
+Every figure of the first table is of a process of its own; the best of three is taken. The second table has the ratio
+of reading a Parquet log to analysing it, one after the other in one process, in every one of many rounds: median and
+extremes by the clock, median by processor time. Reading and analysing go on at the same time; on a machine with other
+work single rounds by the clock say little.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ ROWS_SHARE = 10  # and what is read row by row is shorter again
 SAMPLES_PER_TURN = 500.0
 PART = 1_000_000  # samples per row group
 REPEATS = 3
+ROUNDS = 15
 COLUMNS = ["spindle_revs", "z_mm"]
 
 
@@ -101,6 +104,21 @@ def measured(what: str, path: Path) -> tuple[float, float, float]:
     return seconds, processors, peak
 
 
+def in_turn(path: Path) -> list[str]:
+    """The ratios of a round: reading to analysing."""
+    read(path)
+    analyse(path)
+    by_clock, by_processor = [], []
+    for _ in range(ROUNDS):
+        begin, spent = perf_counter(), process_time()
+        read(path)
+        middle, spent_reading = perf_counter(), process_time() - spent
+        analyse(path)
+        by_clock.append((middle - begin) / (perf_counter() - middle))
+        by_processor.append(spent_reading / (process_time() - spent - spent_reading))
+    return [f"{value:.2f}" for value in (np.median(by_clock), min(by_clock), max(by_clock), np.median(by_processor))]
+
+
 def rows_of(kind: str, size: int, folder: Path) -> Iterator[list[str]]:
     """The rows of the table: one log of a kind, read and analysed."""
     path = folder / f"log.{kind}"
@@ -120,6 +138,9 @@ def rows_of(kind: str, size: int, folder: Path) -> Iterator[list[str]]:
 def main() -> None:
     """Prints the table."""
     samples = int(sys.argv[1]) if len(sys.argv) > 1 else SAMPLES
+    ratios = Table(title=f"Speed of analysing Parquet, of the speed of reading it, {ROUNDS} rounds in turn")
+    for heading in ("samples", "median", "least", "greatest", "median by processor time"):
+        ratios.add_column(heading, justify="right")
     table = Table(title="Logs that are streamed")
     for heading in ("log", "samples", "what", "s", "million samples/s", "of the speed of reading", "by processor time",
                     "peak MiB"):
@@ -130,7 +151,10 @@ def main() -> None:
                            ("rows.csv", csv // ROWS_SHARE)):
             for row in rows_of(kind, size, Path(folder)):
                 table.add_row(*row)
+        write(Path(folder) / "log.parquet", samples // 2)
+        ratios.add_row(f"{samples // 2:,}", *in_turn(Path(folder) / "log.parquet"))
     Console(width=120).print(table)
+    Console(width=120).print(ratios)
 
 
 def measure(what: str, path: Path) -> None:

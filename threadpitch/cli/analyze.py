@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -12,17 +12,16 @@ import typer
 from rich.console import Console
 
 from threadpitch.cli import log_options, store_options
+from threadpitch.cli.following_error import recorded_control
 from threadpitch.cli.judging import Findings, Judged, find, findings_document, show_findings
 from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
 from threadpitch.cli.log_options import LogOptions
 from threadpitch.cli.options import AsJson, StartAngles, number, radians
 from threadpitch.cli.printing import counting, fail, print_json, printing
-from threadpitch.judgement import ControlTrace, JudgementError
 from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch_table, pitch_tables, stream_pitches
 from threadpitch.runs import Labels
 from threadpitch.tables import analysis_document, show_groups
-from threadpitch.trace import ColumnChoice, Signals, read_groups
-from threadpitch.trace.text_rows import STANDARD_INPUT
+from threadpitch.trace import ColumnChoice, Signals
 
 CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 
@@ -33,11 +32,6 @@ def analyze(
         metavar="LOG", help="Log of a machine: CSV and other text (plain, .gz, or - for standard input), Parquet, "
                             "HDF5, MAT, TDMS, MDF.")],
     of_log: LogOptions,
-    index_enable: Annotated[str | None, typer.Option(
-        metavar="COLUMN", help="A pass begins where this column falls, and ends with the synchronous motion.")] = None,
-    synchronous: Annotated[bool, typer.Option(
-        "--synchronous", help="Passes are where the feed moves in step with the spindle (by --target, if given).")]
-    = False,
     latency: Annotated[float, typer.Option(
         metavar="MS|estimate", parser=log_options.latency,
         help="The position was recorded so many ms later than the angle.")] = 0.0,
@@ -69,8 +63,9 @@ def analyze(
     engagement: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Length over which they add up.", show_default="longest normal one")] = None,
     following_error: Annotated[str | None, typer.Option(
-        metavar="COLUMN", help="Column of the following error, command less position, in the position's unit: for "
-                               "where in the control, with --measured.")] = None,
+        metavar="COLUMN|none", help="Column of the following error, command less position, in the position's unit: "
+                                    "for where in the control, with --measured.",
+        show_default="by its name, or from the commanded position")] = None,
     expected_lag: Annotated[float | None, typer.Option(
         metavar="MS", parser=number, help="(1 - feedforward)/Kv + Td of the feed drive, which the lag that is found in "
                                           "the log is compared with.")] = None,
@@ -85,11 +80,8 @@ def analyze(
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
     screw = of_log.screw_lead if ball_screw is None else ball_screw
     asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement, expected_lag)
-    choice = of_log.choice(index_enable)
-    parted = synchronous or index_enable is not None
-    lead = 1e-3 * target if parted and target is not None else None
-    signals = of_log.signals(latency=latency, outlier=None if outlier is None else 1e-3 * outlier,
-                             synchronous=synchronous, lead=lead)
+    choice = of_log.choice()
+    signals = of_log.signals(target, latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
     starts = radians(start_angle or [0.0])
     interval = None if sample_interval is None else math.radians(sample_interval)
     if crossing not in CROSSINGS:
@@ -100,7 +92,7 @@ def analyze(
     kept = Asked(store, tuple(publish or ()), Labels(machine, program_name, thread or "", serial, note))
     with keeping_run(kept, "log", str(log)) as keeper:
         groups = _groups(reading, keeper)
-        found = find(groups, asked, lambda: _recording(log, choice, signals, following_error))
+        found = find(groups, asked, lambda: recorded_control(log, choice, signals, following_error))
         stored: dict[str, object] = {}
         try:
             if keeper is not None:
@@ -123,7 +115,7 @@ class Reading:
     @property
     def whole(self) -> bool:
         """Whether the log must be in memory."""
-        return self.signals.needs_the_whole or self.choice.index_enable is not None or self.crossing != "linear"
+        return self.signals.needs_the_whole or self.crossing != "linear"
 
     def described(self) -> dict[str, object]:
         """As JSON, SI."""
@@ -163,19 +155,3 @@ def _show(shown: Shown, as_json: bool) -> None:
             show_findings(Console(), shown.found)
             if shown.stored:
                 print(stored_line(shown.stored))
-
-
-def _recording(log: Path, choice: ColumnChoice, signals: Signals, following_error: str | None) -> ControlTrace:
-    """The last group of the log once more, whole, with its following error where a column is named.
-
-    Raises:
-        JudgementError: the log can be read only once.
-        TraceError: the column is not there.
-    """
-    if str(log) == STANDARD_INPUT:
-        raise JudgementError("a log on standard input can be read only once; give a file")
-    trace = read_groups(log, choice, signals)[-1]
-    if following_error is None:
-        return ControlTrace(trace)
-    beside = read_groups(log, replace(choice, position=following_error), signals)[-1]
-    return ControlTrace(trace, following_error=beside.position)

@@ -16,7 +16,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from threadpitch.cli.options import number
-from threadpitch.trace import ColumnChoice, Signals
+from threadpitch.trace import ColumnChoice, Signals, TraceError
 
 _MM = 1e-3  # m
 
@@ -61,16 +61,26 @@ class LogOptions:
     position_counts_per_turn: Annotated[float | None, typer.Option(
         metavar="N", parser=number, help="Counts per turn of the motor, for --position-unit count.")] = None
 
-    def choice(self, index_enable: str | None = None) -> ColumnChoice:
+    index_enable: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="A pass begins where this column falls, and ends with the synchronous motion.")] = None
+    synchronous: Annotated[bool, typer.Option(
+        "--synchronous", help="Passes are where the feed moves in step with the spindle (by --target, if given).")] \
+        = False
+
+    def choice(self) -> ColumnChoice:
         """Which columns are which."""
         return ColumnChoice(self.angle, self.position, self.angle_unit, self.position_unit, self.group, self.time,
-                            self.counts_per_turn, self.angle_b, self.index, index_enable)
+                            self.counts_per_turn, self.angle_b, self.index, self.index_enable)
 
-    def signals(self, **more: Any) -> Signals:
-        """What the signals are; ``more`` of them, SI."""
-        lead = None if self.screw_lead is None else _MM * self.screw_lead
-        return Signals(self.angle_wrap, self.position_wrap, lead, self.gear_ratio, self.position_counts_per_turn,
-                       **more)
+    def signals(self, target_mm: float | None, **more: Any) -> Signals:
+        """What the signals are; ``target_mm``: movement per turn of passes that are to be found; ``more`` in SI."""
+        if target_mm is not None and not 0.0 < target_mm < math.inf:
+            raise TraceError(f"--target is {target_mm:g} mm; give a positive movement per revolution")
+        screw = None if self.screw_lead is None else _MM * self.screw_lead
+        parted = self.synchronous or self.index_enable is not None
+        lead = _MM * target_mm if parted and target_mm is not None else None
+        return Signals(self.angle_wrap, self.position_wrap, screw, self.gear_ratio, self.position_counts_per_turn,
+                       synchronous=self.synchronous, lead=lead, **more)
 
 
 def with_log_options(command: Callable[..., None]) -> Callable[..., None]:

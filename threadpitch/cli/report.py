@@ -94,7 +94,7 @@ def report(
         fail("--measured belongs to a log; a run keeps its own verdict: leave it out, or measure the thread by "
              "threadpitch run --measure")
     choice = of_log.choice()
-    signals = of_log.signals(latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
+    signals = of_log.signals(target, latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
     designation = None if thread is None else parse_thread(thread)
     wanted = _si(target, "mm") if target is not None or designation is None else designation.lead
     question = LogQuestion(wanted, () if measured is None else tuple(read_measured(measured)), _si(uncertainty, "um"),

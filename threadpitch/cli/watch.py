@@ -30,6 +30,9 @@ from threadpitch.units import from_si
 def watch(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Text log that still grows; - for standard input.")],
     of_log: LogOptions,
+    target: Annotated[float | None, typer.Option(
+        metavar="MM", parser=number, help="Movement per revolution of the passes that --synchronous or --index-enable "
+                                          "find.", show_default="that of most turns so far")] = None,
     start_angle: StartAngles = None,
     idle: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="End when the file has not grown for so long.", show_default="never")] = None,
@@ -43,7 +46,7 @@ def watch(
     as_json: AsJson = False,
 ) -> None:
     """Print each movement per revolution, with running minimum, maximum and mean, while the machine runs."""
-    choice, signals = of_log.choice(), of_log.signals()
+    choice, signals = of_log.choice(), of_log.signals(target)
     starts = radians(start_angle or [0.0])
     thread_pitch([0.0, TURN, 2.0 * TURN], [0.0, 1.0, 2.0])  # what is compiled is loaded before the first sample comes
     kept = Asked(store, tuple(publish or ()), Labels(machine, program_name, thread, serial, note))

@@ -113,8 +113,8 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
         TraceError: the log cannot be read (``read_groups``), or something is asked for that needs the whole.
         PitchError: a group has less than one whole turn.
     """
-    if choice.index_enable is not None or (signals is not None and signals.needs_the_whole):
-        raise TraceError("latency, outliers, index enable and synchronous motion need the whole log in memory; use "
+    if signals is not None and signals.needs_the_whole:
+        raise TraceError("latency, outliers, and synchronous motion without a lead need the whole log in memory; use "
                          "pitch_tables")
     found: list[StreamedPitch] = []
     now: GroupStream | None = None

@@ -2,7 +2,7 @@
 
 from threadpitch.trace.choice import ColumnChoice
 from threadpitch.trace.groups import Group
-from threadpitch.trace.log import read_groups, read_pieces, watch_pieces
+from threadpitch.trace.log import chosen_columns, read_groups, read_pieces, watch_pieces
 from threadpitch.trace.passes import Piece
 from threadpitch.trace.recording import REVERSAL_LIMIT, IntArray, Trace, TraceError, reversal_limit, samples, time_fault
 from threadpitch.trace.signals import Signals
@@ -20,6 +20,7 @@ __all__ = [
     "Signals",
     "Trace",
     "TraceError",
+    "chosen_columns",
     "read_groups",
     "read_pieces",
     "reversal_limit",

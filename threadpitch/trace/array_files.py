@@ -17,7 +17,8 @@ import numpy as np
 from threadpitch.trace import sinumerik
 from threadpitch.trace.array_log import ArrayLog, Columns
 from threadpitch.trace.channels import Channel, aligned, clock_notes
-from threadpitch.trace.choice import ColumnChoice, is_time, time_factor
+from threadpitch.trace.choice import ColumnChoice, brief, is_time, time_factor
+from threadpitch.trace.cut_off import cut_off
 from threadpitch.trace.passes import Array
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import FloatArray
@@ -56,6 +57,8 @@ def array_log(path: Path, name: str, choice: ColumnChoice) -> ArrayLog:
         "Parquet": _parquet, "HDF5": _hdf5, "TDMS": _tdms, "MDF": _mdf, "MAT": _mat,
         "SINUMERIK trace": _sinumerik}
     with _damage_named(path, name):
+        if missing := cut_off(path, name):
+            raise TraceError(f"the {name} file is cut off: {missing}; copy it again, or record it again")
         return openers[name](path, choice)
 
 
@@ -276,14 +279,15 @@ def _sinumerik(path: Path, choice: ColumnChoice) -> ArrayLog:
     """A trace of SINUMERIK Operate: signals by description and address, each with the time of its samples."""
     session = sinumerik.read_session(path)
     names = [signal.name for signal in session.signals]
-    instants = [signal.instants for signal in session.signals]
+    sampled = [signal.sampled(session.end) for signal in session.signals]
+    instants = [time for time, _ in sampled]
     clocks = [next(k for k, other in enumerate(instants) if np.array_equal(one, other)) for one in instants]
 
     def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
         def channel(i: int) -> Channel:
             own = wanted[0] if i == len(names) else i
             time = instants[own]
-            values = time if i == len(names) else session.signals[i].samples
+            values = time if i == len(names) else sampled[i][1]
             return Channel([*names, "time"][i], time.size, lambda a, b: values[a:b], clocks[own],
                            lambda a, b: time[a:b])
 
@@ -291,7 +295,9 @@ def _sinumerik(path: Path, choice: ColumnChoice) -> ArrayLog:
 
     more = session.frames - 1
     read = ("read as a trace of SINUMERIK Operate, whose layout is not published; it tells no units",
-            *([f"{more} further data frames of the file are not read"] if more else []))
+            *([f"{more} further data frames of the file are not read"] if more else []),
+            *([f"the control tells of {brief(session.drop_outs)} drop-outs: samples it has lost"]
+              if session.drop_outs.strip("0.") else []))
     columns = Columns([*names, "time"], [""] * len(names) + ["s"], chunks, True, sinumerik.ANGLE_UNIT,
                       lambda chosen: (*read, *clock_notes([*clocks, None])(chosen)))
     return _log(path, "SINUMERIK trace", columns, choice)

@@ -4,36 +4,30 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from threadpitch import units
+from threadpitch.trace.column_names import beside, score, words_of
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import TURN
 
-_TIME_NAME = re.compile(r"(?:time|t|timestamps?|zeit)[\s_]*[\[(/]?\s*(s|ms|us|µs|μs|min|)\s*[\])]?", re.IGNORECASE)
+_TIME_NAME = re.compile(r"(?:time|t|timestamps?|zeit|zeitstempel|temps|tempo|tiempo|時間|时间)[\s_]*"
+                        r"[\[(/]?\s*(s|ms|us|µs|μs|min|)\s*[\])]?", re.IGNORECASE)
 _BRACKETS = re.compile(r"(?P<name>.*\S)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*")
 _LAST_WORD = re.compile(r"(?P<name>.*?)\s*(?:_|\s/\s*|/)(?P<unit>[^_/\s]+)\s*")
-_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^\W\d_]+")
+_UNIT_WORDS = {"revs", "rev", "turns", "revolutions", "counts", "umdrehungen"}
+_LISTED = 12  # columns that a message lists
 _SHOWN = 40  # characters of a text from a file that a message shows
 _TIMES = {"s", "ms", "us", "min"}
 _ANGLES = {"rev", "deg", "rad", "count"}
 _LENGTHS = {"mm", "m", "um", "inch", "nm"}
-_SPELLINGS = {"°": "deg", "grad": "deg", "degree": "deg", "degrees": "deg", "revs": "rev", "revolutions": "rev",
-              "turn": "rev", "turns": "rev", "u": "rev", "umdr": "rev", "counts": "count", "inc": "count",
-              "incr": "count", "increments": "count", "ticks": "count", "µm": "um", "μm": "um", "in": "inch",
-              "inches": "inch", "µs": "us", "μs": "us", "sec": "s"}
-# What a column's words speak for; the highest sum is taken.
-_ANGLE_WORDS = {"angle": 4, "theta": 4, "phi": 4, "winkel": 4, "revs": 4, "rev": 4, "revolutions": 4, "turns": 4,
-                "rotation": 3, "spindle": 3, "spindel": 3, "s1": 2, "sp1": 2, "encoder": 2, "count": 1, "counts": 1,
-                "actual": 1, "act": 1, "ist": 1, "fb": 1}
-_POSITION_WORDS = {"z": 4, "xi": 4, "feed": 3, "position": 3, "pos": 3, "vorschub": 3, "axis": 1, "z1": 4, "fb": 1,
-                   "actual": 1, "act": 1, "ist": 1, "scale": 1, "mm": 1, "tool": 1}
-_OTHER_WORDS = {"speed": 9, "velocity": 9, "vel": 9, "rps": 9, "rpm": 9, "drehzahl": 9, "torque": 9, "current": 9,
-                "error": 9, "lag": 9, "deviation": 9, "index": 9, "enable": 9, "at": 3, "temperature": 9, "force": 9,
-                "cmd": 2, "command": 2, "commanded": 2, "soll": 2, "target": 2, "true": 1, "load": 9, "start": 9}
-_GROUP_WORDS = {"pass": 4, "passes": 4, "threading": 3, "group": 3, "cut": 2, "gewinde": 2}
-
+_SPELLINGS = {"°": "deg", "grad": "deg", "gradi": "deg", "grados": "deg", "degrés": "deg", "degree": "deg",
+              "degrees": "deg", "revs": "rev", "revolutions": "rev", "turn": "rev", "turns": "rev", "u": "rev",
+              "umdr": "rev", "umdrehung": "rev", "umdrehungen": "rev", "tr": "rev", "tours": "rev", "giri": "rev",
+              "vueltas": "rev", "counts": "count", "inc": "count", "incr": "count", "increments": "count",
+              "ticks": "count", "µm": "um", "μm": "um", "in": "inch", "inches": "inch", "µs": "us", "μs": "us",
+              "sec": "s"}
 
 @dataclass(frozen=True)
 class ColumnChoice:
@@ -99,6 +93,8 @@ class Chosen:
     angle_b: int | None = None
     index: int | None = None
     index_enable: int | None = None
+    following_error: str | None = None  # name of its column; read only where it is asked for
+    command: str | None = None  # name of the column of the commanded position, likewise
 
     @property
     def numbers(self) -> dict[str, int]:
@@ -192,7 +188,9 @@ def choose(place: str, header: Sequence[str], choice: ColumnChoice, stated: Sequ
                      + (f", passes by {brief(names[group])}" if group is not None else ""))
     time_unit = told[time] if time is not None and told[time] in _TIMES else "s"
     return Chosen(angle, position, named["group"], time, angle_unit, position_unit, time_unit, choice.counts_per_turn,
-                  tuple(notes), choice.time is None, named["angle_b"], named["index"], named["index_enable"])
+                  tuple(notes), choice.time is None, named["angle_b"], named["index"], named["index_enable"],
+                  *(None if column is None or names.count(names[column]) > 1 else names[column] for column in
+                    (beside(names, position, "following error"), beside(names, position, "command"))))
 
 
 def is_time(name: str) -> bool:
@@ -223,8 +221,7 @@ def unit_of(name: str) -> str:
         match = pattern.fullmatch(name)
         if match is not None and _known(match["unit"]):
             return _known(match["unit"])
-    words = [word.casefold() for word in _WORD.findall(name)]
-    return next((_known(word) for word in words if word in {"revs", "rev", "turns", "revolutions", "counts"}), "")
+    return next((_known(word) for word in words_of(name) if word in _UNIT_WORDS), "")
 
 
 def _known(unit: str) -> str:
@@ -246,23 +243,22 @@ def _factor(name: str, target: str, wanted: str) -> float:
 def _named_or_guessed(place: str, names: list[str], told: list[str], name: str | None, quantity: str) -> int:
     if name is not None:
         return _index(place, names, name)
-    wanted, of_quantity = ((_ANGLE_WORDS, _ANGLES) if quantity == "angle" else (_POSITION_WORDS, _LENGTHS))
-    scores = [_score(other, wanted) + _unit_score(unit, of_quantity) for other, unit in zip(names, told, strict=True)]
+    of_quantity = _ANGLES if quantity == "angle" else _LENGTHS
+    scores = [score(other, quantity) + _unit_score(unit, of_quantity) for other, unit in zip(names, told, strict=True)]
     best = max(scores, default=0)
     equal = [i for i, score in enumerate(scores) if score == best]
     option = f"--{quantity} COLUMN"
     if best < 3:
-        raise TraceError(f"{place}: no column is called like the {quantity}; choose one with {option} out of "
-                         f"{', '.join(map(brief, names[:12]))}")
+        raise TraceError(f"{place}: no column is called like the {quantity}; choose one with {option}, by name or "
+                         f"number, out of {_numbered(names, range(min(len(names), _LISTED)), ', ')}")
     if len(equal) > 1:
-        raise TraceError(f"{place}: the {quantity} may be column {' or '.join(brief(names[i]) for i in equal[:4])}; "
-                         f"choose with {option}")
+        raise TraceError(f"{place}: the {quantity} may be column {_numbered(names, equal[:4], ' or ')}; choose with "
+                         f"{option}, by name or number")
     return equal[0]
 
 
-def _score(name: str, wanted: Mapping[str, int]) -> int:
-    words = {word.casefold() for word in _WORD.findall(name)} | {name.casefold()}
-    return sum(wanted.get(word, 0) - _OTHER_WORDS.get(word, 0) for word in words)
+def _numbered(names: list[str], columns: Iterable[int], between: str) -> str:
+    return between.join(f"{i + 1} {brief(names[i])}" for i in columns)
 
 
 def _unit_score(unit: str, of_quantity: set[str]) -> int:
@@ -272,7 +268,7 @@ def _unit_score(unit: str, of_quantity: set[str]) -> int:
 
 
 def _guess_group(names: list[str]) -> int | None:
-    scores = [_score(name, _GROUP_WORDS) for name in names]
+    scores = [score(name, "pass") for name in names]
     best = max(scores, default=0)
     return scores.index(best) if best >= 3 and scores.count(best) == 1 else None
 
@@ -290,5 +286,5 @@ def _index(place: str, names: list[str], name: str) -> int:
              if other.endswith(f"/{name.strip()}") or other.startswith(f"{name.strip()}: ")]
     if len(parts) == 1:
         return parts[0]  # the last part of a path, or a description before an address
-    near = difflib.get_close_matches(name, names, n=3, cutoff=0.4) or names[:12]
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.4) or names[:_LISTED]
     raise TraceError(f"{place}: there is no column {brief(name)}; nearest are {', '.join(map(brief, near))}")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from threadpitch.trace.choice import Chosen
-from threadpitch.trace.passes import Piece
+from threadpitch.trace.passes import Piece, joined
 from threadpitch.trace.quadrature import LevelError, Quadrature
 from threadpitch.trace.recording import Trace, TraceError
 from threadpitch.trace.signals import (
@@ -22,7 +22,6 @@ from threadpitch.trace.signals import (
     without_outliers,
 )
 from threadpitch.trace.soundness import TURN, FloatArray
-from threadpitch.trace.synchronous import LEAST_TURNS, synchronous_passes
 
 _HALF_A_TURN = 0.5 * TURN
 _WITHIN = 0.999
@@ -52,6 +51,9 @@ class Group:
         self._sign = 0.0  # of the angle's first half turn
         self._zero: float | None = None if chosen.index is not None else 0.0  # rad, the angle at the first index
         self.margin: float | None = None
+        self.lead: float | None = None  # m per turn with its sign, of the passes where it was found
+        self.movement: float | None = None  # m per turn, of a pass that was found
+        self._closed: tuple[str, ...] | None = None
         self._waiting: list[Piece] = []
 
     @property
@@ -95,13 +97,21 @@ class Group:
             self.margin = first_step(np.concatenate([piece.angle for piece in ready]))
         return ready
 
+    def close(self, more: Iterable[str] = ()) -> None:
+        """A pass that was found is over: what comes later of the signals is not told of it."""
+        self._closed = (*(self._closed or self.all_notes()), *more)
+
     def all_notes(self) -> tuple[str, ...]:
         """What was done to the signals."""
+        if self._closed is not None:
+            return self._closed
         levels = "" if self._levels is None else self._levels.note()
         found = [*self.chosen.notes, *self.signals.notes(self.chosen), levels, self._angle.note(),
                  self._position.note(), *self._clock.notes()]
         if self._sign < 0.0:
             found.append("the angle counts down: turned around, so that it counts up in the turning direction")
+        if self.movement is not None:
+            found.append(f"taken is the part in which the feed moves {1e3 * abs(self.movement):.4g} mm per turn")
         return tuple(note for note in [*found, *self.notes] if note)
 
     def _without_duplicates(self, piece: Piece) -> Piece:
@@ -171,12 +181,12 @@ def traces(pieces: Iterable[tuple[Group, Piece]]) -> Iterator[Trace]:
     parts: list[Piece] = []
     for owner, piece in pieces:
         if group is not None and owner is not group:
-            yield from _traces(group, parts)
+            yield _trace(group, parts)
             parts = []
         group = owner
         parts.append(piece)
     if group is not None:
-        yield from _traces(group, parts)
+        yield _trace(group, parts)
 
 
 def first_step(angle: FloatArray) -> float:
@@ -185,39 +195,10 @@ def first_step(angle: FloatArray) -> float:
     return _WITHIN * float(angle[above[0]] - angle[0]) if above.size else 0.0
 
 
-def _traces(group: Group, parts: list[Piece]) -> Iterator[Trace]:
-    """The trace of a group, or of every pass in it, where they are found by synchronous motion."""
-    whole = _joined(parts, group.label)
-    if not group.signals.synchronous and group.chosen.index_enable is None:
-        yield _trace(group, whole, group.margin)
-        return
-    found = synchronous_passes(whole.angle, whole.position, group.signals.lead)
-    if not found:
-        lead = "" if group.signals.lead is None else f" of {1e3 * group.signals.lead:g} mm per turn"
-        raise TraceError(f"{group.source}, group {group.label!r}: no synchronous motion{lead} of the feed over "
-                         f"{LEAST_TURNS:g} turns was found; are angle and position the right columns?")
-    if group.chosen.index_enable is not None:
-        found = [replace(found[0], first=0)]  # from the index on
-    for number, stretch in enumerate(found, start=1):
-        label = group.label if len(found) == 1 else f"{group.label} ({number})"
-        if group.chosen.group is None and group.chosen.index_enable is None:
-            label = str(number)
-        note = f"taken is the part in which the feed moves {1e3 * abs(stretch.movement):.4g} mm per turn"
-        part = whole.part(slice(stretch.first, stretch.last))
-        yield _trace(group, replace(part, label=label), first_step(part.angle), note)
-
-
-def _joined(parts: list[Piece], label: str) -> Piece:
-    times = [part.time for part in parts if part.time is not None]
-    lines = [part.lines for part in parts if part.lines is not None]
-    return Piece(label, True, np.concatenate([part.angle for part in parts]),
-                 np.concatenate([part.position for part in parts]), np.concatenate(times) if times else None,
-                 np.concatenate(lines) if lines else None)
-
-
-def _trace(group: Group, piece: Piece, margin: float | None, *notes: str) -> Trace:
-    trace = Trace(piece.angle, piece.position, piece.time, name=piece.label, source=group.source, lines=piece.lines,
-                  resolution=group.resolution, notes=(*group.all_notes(), *notes), margin=margin)
+def _trace(group: Group, parts: list[Piece]) -> Trace:
+    piece = joined(parts)
+    trace = Trace(piece.angle, piece.position, piece.time, name=group.label, source=group.source, lines=piece.lines,
+                  resolution=group.resolution, notes=group.all_notes(), margin=group.margin)
     turns = (trace.angle[-1] - trace.angle[0]) / TURN
     if turns > trace.angle.size:
         raise TraceError(f"{trace.whole()}: {turns:.0f} turns in {trace.angle.size} samples; "

@@ -11,6 +11,7 @@ from typing import Protocol
 from threadpitch.trace.array_files import array_format, array_log
 from threadpitch.trace.choice import Chosen, ColumnChoice
 from threadpitch.trace.csv_log import TextLog
+from threadpitch.trace.found_passes import found_passes, with_chief_lead
 from threadpitch.trace.groups import Group, grouped, traces
 from threadpitch.trace.live import live_texts
 from threadpitch.trace.passes import Piece
@@ -49,6 +50,16 @@ def open_log(path: Path, choice: ColumnChoice) -> Log:
     return scope_log(path, log.head, choice)
 
 
+def chosen_columns(path: str | Path, choice: ColumnChoice) -> Chosen:
+    """Which columns of a log are which.
+
+    Raises:
+        TraceError: the file cannot be read; a column is not there or cannot be told.
+    """
+    with closing(open_log(Path(path), choice)) as log:
+        return log.chosen
+
+
 def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) \
         -> Generator[tuple[Group, Piece]]:
     """The samples of a log piece by piece, rad, m and s, each with its group; nothing of them is kept.
@@ -57,7 +68,7 @@ def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None 
         TraceError: as ``read_groups``, but for what needs a whole group: the turning of the spindle.
     """
     with closing(open_log(Path(path), choice)) as log:
-        yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
+        yield from _owned(log, signals or Signals(), the_whole=False)
 
 
 def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = None, *, idle: float = math.inf) \
@@ -70,7 +81,7 @@ def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = Non
         TraceError: as ``read_pieces``; the file became shorter.
     """
     with closing(TextLog(str(path), live_texts(path, idle), choice)) as log:
-        yield from grouped(log.pieces(), log.source, log.chosen, signals or Signals())
+        yield from _owned(log, signals or Signals(), the_whole=False)
 
 
 def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None = None, *,
@@ -87,10 +98,24 @@ def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None 
         TraceError: with file and line: whatever keeps the file from being read, a column that is not there, text or
             NaN in a number, rows of unequal length, no threading row, and all that ``Trace`` refuses.
     """
-    def pieces() -> Iterator[tuple[Group, Piece]]:
-        for group, piece in read_pieces(path, choice, signals):
-            if told is not None:
-                told(piece.angle.size)
-            yield group, piece
+    with closing(open_log(Path(path), choice)) as log:
+        return list(traces(_owned(log, signals or Signals(), the_whole=True, told=told)))
 
-    return list(traces(pieces()))
+
+def _owned(log: Log, signals: Signals, *, the_whole: bool, told: Callable[[int], None] | None = None) \
+        -> Iterator[tuple[Group, Piece]]:
+    """The samples of a log, each piece with its group, or with the pass that is found by the motion of the feed."""
+    owned = _told(grouped(log.pieces(), log.source, log.chosen, signals), told)
+    by_index = log.chosen.index_enable is not None
+    if not by_index and not signals.synchronous:
+        return owned
+    if the_whole and not by_index and signals.lead is None:
+        owned = with_chief_lead(owned)
+    return found_passes(owned)
+
+
+def _told(owned: Iterator[tuple[Group, Piece]], told: Callable[[int], None] | None) -> Iterator[tuple[Group, Piece]]:
+    for group, piece in owned:
+        if told is not None:
+            told(piece.angle.size)
+        yield group, piece

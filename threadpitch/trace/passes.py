@@ -42,6 +42,15 @@ class Piece:
         return replace(self, **arrays)
 
 
+def joined(parts: list[Piece]) -> Piece:
+    """Neighbouring pieces as one."""
+    times = [part.time for part in parts if part.time is not None]
+    lines = [part.lines for part in parts if part.lines is not None]
+    return Piece(parts[0].label, True, np.concatenate([part.angle for part in parts]),
+                 np.concatenate([part.position for part in parts]), np.concatenate(times) if times else None,
+                 np.concatenate(lines) if lines else None)
+
+
 class Labels(dict[str, str]):
     """Text of the group column -> label, "" for rows that are not threading; each text is read once."""
 

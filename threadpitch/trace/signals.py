@@ -60,7 +60,7 @@ class Signals:
     @property
     def needs_the_whole(self) -> bool:
         """What is asked for cannot be done piece by piece."""
-        return self.latency != 0.0 or self.outlier is not None or self.synchronous
+        return self.latency != 0.0 or self.outlier is not None or (self.synchronous and self.lead is None)
 
     def position_factor(self, unit: str) -> float:
         """``m = factor * value``."""

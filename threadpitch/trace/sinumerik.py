@@ -3,20 +3,27 @@
     <traceSession>
       <traceData>
         <dataFrame>
-          <frameHeader startTime="..."/>
-          <dataSignal id="f1" name="/Nck/!SD/nckServoDataActPos1stEnc64 [u1, 3]" key="..."/>
+          <frameHeader startTime="..." dropOuts="0" stopInc="..."/>
+          <dataSignal id="f1" interval="0.002" name="/Nck/!SD/nckServoDataActPos1stEnc64 [u1, 3]" key="..."/>
           <rec time="0.000" f1="12.5" f2="359.1"/>
 
-Siemens does not publish the layout; this is what three public readers of such files agree on (SinumerikTraceHandler,
-eliasrhoden/Trace-Tools, and one built on xmltodict). What they tell differently is taken so: ``time`` is in seconds; a
-record in which a signal is missing has no sample of it, and between its samples a signal is interpolated. Older files
-have the description of a signal in ``dataSignal``, newer ones under ``traceDisplaySetup``, by the ``key``. Units are
-not in the file: positions of linear axes are mm, of rotary axes and spindles degrees (SINUMERIK Operate's
-commissioning manual, Trace).
+Siemens does not publish the layout. This is what a trace that a control of version 01.00.03.02 wrote shows, and what
+public readers of such files agree on:
+
+- ``time`` is in seconds. Each signal has an ``interval`` of its own, that of the servo or of the interpolator.
+- A record has the signals that were sampled and have changed. One that is missing at an instant of its own holds the
+  value it had, so it is put in there; where nothing changed the whole record is missing.
+- A switch is ``true`` or ``false``; ``dataType`` is float or double, else a whole number that holds between samples.
+- ``dropOuts`` counts what was lost.
+- Older files have the description of a signal in ``dataSignal``, newer ones under ``traceDisplaySetup``, by the
+  ``key``.
+- ``unitsType`` tells the kind of a unit (posn, velo), not the unit: positions of linear axes are mm, of rotary axes and
+  spindles degrees (SINUMERIK Operate's commissioning manual, Trace).
 """
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Generator
 from contextlib import closing
@@ -28,12 +35,17 @@ import numpy as np
 from lxml import etree
 
 from threadpitch.trace.choice import brief
+from threadpitch.trace.passes import Array
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import FloatArray
 
 ROOT = b"<traceSession"
 ANGLE_UNIT = "deg"
-_FRAME, _SIGNAL, _RECORD = "dataFrame", "dataSignal", "rec"
+_FRAME, _HEADER, _SIGNAL, _RECORD = "dataFrame", "frameHeader", "dataSignal", "rec"
+_FLOATING = ("", "float", "double")
+_LEVELS = {"true": 1.0, "false": 0.0}
+_MOST_FILLED = 10_000  # instants for every value that is there: no file makes more of itself than memory can hold
+_OFF_GRID = 0.25  # of the interval; farther from its instants a signal is taken as it is
 
 
 @dataclass
@@ -42,6 +54,8 @@ class Signal:
 
     address: str
     description: str = ""
+    interval: float = math.nan  # s, between its instants; NaN = not told
+    floating: bool = True
     time: array[float] = field(default_factory=lambda: array("d"))  # (samples,) s
     values: array[float] = field(default_factory=lambda: array("d"))  # (samples,)
 
@@ -50,23 +64,37 @@ class Signal:
         """Description and address, as far as they are there."""
         return f"{self.description}: {self.address}" if self.description else self.address
 
-    @property
-    def instants(self) -> FloatArray:
-        """(samples,) s."""
-        return np.array(self.time)
+    def sampled(self, end: float) -> tuple[FloatArray, Array]:
+        """(time (samples,) s, values (samples,)) at every instant of the signal, up to the last record at ``end`` s.
 
-    @property
-    def samples(self) -> FloatArray:
-        """(samples,) in the control's unit."""
-        return np.array(self.values)
+        Where there was no record of it, it has the value of the one before.
+        """
+        time, values = np.array(self.time), np.array(self.values)
+        if not self.floating and np.all(values == np.rint(values)):
+            values = values.astype(np.int64)
+        steps = np.diff(time)
+        interval = self.interval if self.interval > 0.0 else float(steps[steps > 0.0].min(initial=math.inf))
+        if time.size < 2 or not math.isfinite(interval):
+            return time, values
+        places = np.rint((time - time[0]) / interval)
+        off = float(np.max(np.abs(time - time[0] - places * interval)))
+        if off > _OFF_GRID * interval or np.any(np.diff(places) < 1.0) or places[-1] > _MOST_FILLED * time.size + 1e6:
+            return time, values
+        size = 1 + int(places[-1]) + max(math.floor((end - time[-1]) / interval + _OFF_GRID), 0)
+        last = np.searchsorted(places, np.arange(size), side="right") - 1
+        filled = time[0] + interval * np.arange(size)
+        filled[places.astype(np.int64)] = time
+        return filled, values[last]
 
 
 @dataclass(frozen=True)
 class Session:
-    """The signals of a trace, and the number of data frames, of which the first is read."""
+    """The signals of a trace, the time of its last record, s, and the data frames, of which the first is read."""
 
     signals: list[Signal]
+    end: float
     frames: int
+    drop_outs: str
 
 
 def read_session(path: Path) -> Session:
@@ -83,7 +111,7 @@ def read_session(path: Path) -> Session:
         signal.description = signal.description or session.texts.get(session.keys[own], "")
     if not any(signal.values for signal in session.signals.values()):
         raise TraceError(f"{path}: the trace holds no records; record it, and save it with its data")
-    return Session(list(session.signals.values()), session.frames)
+    return Session(list(session.signals.values()), session.end, session.frames, session.drop_outs)
 
 
 @dataclass
@@ -95,6 +123,8 @@ class _Reading:
     keys: dict[str, str] = field(default_factory=dict)  # of the signals
     texts: dict[str, str] = field(default_factory=dict)  # key: description
     frames: int = 0
+    end: float = 0.0
+    drop_outs: str = "0"
 
     def take(self, element: Any) -> None:
         name, given = etree.QName(element).localname, element.attrib
@@ -103,7 +133,10 @@ class _Reading:
         elif name == _SIGNAL and self.frames == 0:
             own = given.get("id", f"f{len(self.signals) + 1}")
             self.keys[own] = given.get("key", "")
-            self.signals[own] = Signal(given.get("name", own), given.get("description", ""))
+            self.signals[own] = Signal(given.get("name", own), given.get("description", ""),
+                                       _interval(given.get("interval", "")), given.get("dataType", "") in _FLOATING)
+        elif name == _HEADER and self.frames == 0:
+            self.drop_outs = given.get("dropOuts", "0")
         elif name == _RECORD and self.frames == 0:
             self._take_record(element)
         elif name != _SIGNAL and "description" in given and "key" in given:
@@ -111,7 +144,7 @@ class _Reading:
 
     def _take_record(self, record: Any) -> None:
         place = f"{self.path}:{record.sourceline}"
-        time = _number(record.attrib.get("time", ""), "time", place)
+        time = self.end = _number(record.attrib.get("time", ""), "time", place)
         for name, text in record.attrib.items():
             if name in self.signals:
                 self.signals[name].time.append(time)
@@ -132,9 +165,17 @@ def _elements(path: Path) -> Generator[Any]:
         raise TraceError(f"{path}:{error.lineno}: the XML is damaged ({error.msg}); copy or save it again") from None
 
 
+def _interval(text: str) -> float:
+    """s; NaN where it is not told."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
 def _number(text: str, name: str, place: str) -> float:
     try:
-        return float(text if "_" not in text else "")
+        return _LEVELS[text] if text in _LEVELS else float(text if "_" not in text else "")
     except ValueError:
         raise TraceError(f"{place}: {brief(name)} holds {brief(text)}, not a number; mend or leave out this record") \
             from None
