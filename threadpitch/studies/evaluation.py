@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import signal
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from types import TracebackType
 from typing import Any
 
 from threadpitch import cosim
+from threadpitch.cosim.interrupt import HeldInterrupt, Terminated
 from threadpitch.cosim.mounted import Experiment, Mounted, mount
 from threadpitch.cosim.system import nearest
 from threadpitch.fmu import BuildError, ModelError
@@ -71,7 +73,18 @@ class Evaluator:
             yield self.outcome(row, self.study.rows[row])
 
     def outcome(self, number: int, row: Row) -> Outcome:
-        """The outcomes for these parameters under this number, or why there are none."""
+        """The outcomes for these parameters under this number, or why there are none.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C or SIGTERM, when the row is over: compiled code does not survive it in its midst.
+        """
+        with HeldInterrupt() as held:
+            found = self._outcome(number, row)
+        if held.requested:
+            raise KeyboardInterrupt if held.signal == signal.SIGINT else Terminated(held.signal)
+        return found
+
+    def _outcome(self, number: int, row: Row) -> Outcome:
         try:
             return Outcome(number, self.values(row))
         except cosim.SimulationInterrupted:
