@@ -242,7 +242,7 @@ def test_command(threadpitch: Command, workplace: Path) -> None:
     assert "50.00 %" in whole.out
     assert Path("y.svg").read_text(encoding="utf-8").startswith("<?xml")
     row = json.loads(threadpitch("study", "study.toml", "--row", 3, "--json").out)
-    assert row["outcomes"]["y"] == row["parameters"]["a"] ** 2
+    assert row["outcomes"]["y"]["si"] == row["parameters"]["a"]["si"] ** 2
     for arguments, why in ((["nowhere.toml"], "no such file"), (["study.toml", "--shard", "3/2"], "write it like 2/8"),
                            (["study.toml", "--row", "99"], "there is no row 99"),
                            (["study.toml", "--queue"], "[cluster]")):

@@ -12,7 +12,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -28,6 +28,7 @@ from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import FAILED, OK, Evaluator, Outcome
 from threadpitch.studies.execution import DIED, sent
 from threadpitch.studies.parcel import Parcel
+from threadpitch.studies.shown_units import Units
 
 FloatArray = NDArray[np.float64]
 Point: TypeAlias = tuple[float, ...]  # the parameters' values, in their order
@@ -52,6 +53,7 @@ class Tuning:
     within_limits: bool
     evaluations: int
     folder: Path
+    units: Units = field(default_factory=dict)  # that people read them in
 
 
 def tune(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTPUT, workers: int | None = None,
@@ -78,7 +80,8 @@ def tune(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTP
             compute = _on_dask(client, study, stack.enter_context(sent(client, Parcel.of(evaluator))))
         search = _Search(study, goal, most, _History(Path(output), study), compute, progress)
         search.run(bounds)
-    return search.result()
+        units = evaluator.units
+    return replace(search.result(), units=units)
 
 
 class _Enough(Exception):  # noqa: N818 -- no error: the points that were granted are computed
