@@ -160,14 +160,18 @@ def _turns(columns: Columns, calculator: str, angle: int, rows: slice) -> tuple[
     completed = columns[f"{calculator}.completed[{angle + 1}]"][rows]
     position = columns[f"{calculator}.crossing_position[{angle + 1}]"][rows]
     direction = columns[f"{calculator}.direction"][rows]
+    most = int(completed.max(initial=0))
+    kept = [columns[f"{calculator}.completed_pitch[{TURNS_A_STEP * angle + turn + 1}]"][rows] for turn in range(most)]
     pitches: list[float] = []
     ends: list[float] = []
     for row in np.flatnonzero(completed):
-        kept = [float(columns[f"{calculator}.completed_pitch[{TURNS_A_STEP * angle + turn + 1}]"][rows][row])
-                for turn in range(int(completed[row]))]
-        after = np.cumsum(kept[::-1])[::-1] - np.array(kept)  # movement of this step's later turns
-        ends += (position[row] - direction[row] * after).tolist()
-        pitches += kept
+        after = 0.0  # movement of this step's later turns
+        of_step = []
+        for values in reversed(kept[:int(completed[row])]):
+            of_step.append((float(values[row]), float(position[row] - direction[row] * after)))
+            after += float(values[row])
+        pitches += [pitch for pitch, _ in reversed(of_step)]
+        ends += [end for _, end in reversed(of_step)]
     first = float(direction[int(np.argmax(completed != 0))]) if completed.size else 0.0
     return np.array(pitches), np.array(ends), first
 
