@@ -6,14 +6,13 @@
 A row is a threading pass of 4 s with seven native FMUs, 4000 steps of 1 ms. The bare time is that of the compiled
 master's loop alone, with everything loaded, initialised and nothing looked at. Bare runs, one and two workers take
 turns, because other work on the machine comes and goes; the best of each is taken. On a busy machine the time of the
-clock says little, that of the processors holds. The studies' rates are without the start of the workers.
+clock says little, that of the processors holds. All rates are without the start of the workers.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-import resource
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -25,6 +24,7 @@ from typing import Any, NamedTuple
 
 import dask.bag
 import fmpy
+import psutil  # type: ignore[import-untyped] # it ships no types
 from rich.console import Console
 from rich.table import Table
 
@@ -39,7 +39,8 @@ from threadpitch.roles import Roles
 from threadpitch.studies import study_of
 from threadpitch.studies.cluster import connected
 from threadpitch.studies.evaluation import Evaluator
-from threadpitch.studies.execution import OnDask
+from threadpitch.studies.execution import OnDask, sent
+from threadpitch.studies.parcel import Parcel
 from threadpitch.system_archive import FmuKind, build_system
 
 STOP, STEP = 4.0, 1e-3
@@ -134,14 +135,18 @@ def others(folder: Path) -> Iterator[tuple[str, float]]:
              "PitchCalculator"]
     fmus = [str(lathe.locate_fmu("native", f"{name}.fmu", folder)) for name in names]
     gains = [40.0 + number for number in range(OTHERS)]
-    began = perf_counter()
-    bag = dask.bag.from_sequence(gains, npartitions=CORES)
-    bag.map(functools.partial(simulate_each, fmus)).compute(scheduler="processes", num_workers=CORES)
-    yield "Dask bag of FMPy simulate_fmu, seven unconnected FMUs", (perf_counter() - began) / OTHERS
-    began = perf_counter()
     with ProcessPoolExecutor(CORES) as pool:
-        list(pool.map(functools.partial(simulate_whole, str(ssp)), gains))
-    yield "process pool of FMPy simulate_ssp", (perf_counter() - began) / OTHERS
+        bag = dask.bag.from_sequence(gains, npartitions=OTHERS).map(functools.partial(simulate_each, fmus))
+        whole = functools.partial(simulate_whole, str(ssp))
+        ways: dict[str, Callable[[], Any]] = {
+            "Dask bag of FMPy simulate_fmu, seven unconnected FMUs": functools.partial(
+                bag.compute, scheduler="processes", pool=pool),
+            "process pool of FMPy simulate_ssp": lambda: list(pool.map(whole, gains))}
+        for name, compute in ways.items():
+            compute()  # processes are started, modules imported
+            began = perf_counter()
+            compute()
+            yield name, (perf_counter() - began) / OTHERS
 
 
 def measured(rows: int) -> tuple[Speed, dict[int, Speed]]:
@@ -149,7 +154,7 @@ def measured(rows: int) -> tuple[Speed, dict[int, Speed]]:
     study = study_of(definition(rows))
     found: dict[int, Speed] = {}
     with Evaluator(study) as evaluator, bare_run() as bare:
-        components = evaluator.describe()["components"]
+        parcel = Parcel.of(evaluator)
         best = Speed(math.inf, math.inf)
         for _ in range(ROUNDS):
             best = _better(best, *(bare() for _ in range(10)))
@@ -158,8 +163,8 @@ def measured(rows: int) -> tuple[Speed, dict[int, Speed]]:
                     batches: Iterator[list[Any]] = ([one] for one in evaluator.outcomes(range(rows // 2)))
                     now = speed(batches, rows // 2)
                 else:
-                    with connected(workers, None, {}) as client:
-                        now = speed(OnDask(client, study, components).outcomes(range(rows)), rows)
+                    with connected(workers, None, {}) as client, sent(client, parcel) as name:
+                        now = speed(OnDask(client, name).outcomes(range(rows)), rows)
                 found[workers] = _better(now, found.get(workers, now))
             best = _better(best, *(bare() for _ in range(10)))
     return best, found
@@ -170,14 +175,20 @@ def _better(*speeds: Speed) -> Speed:
 
 
 def memory(runs: int) -> None:
-    """Print the most memory that one process has taken, after more and more runs."""
+    """Print the memory of two workers, and of this process with client and scheduler, after more and more runs."""
     study = study_of(definition(runs))
     with Evaluator(study) as evaluator:
-        for done, outcome in enumerate(evaluator.outcomes(range(runs)), start=1):
-            assert outcome.status == "ok", outcome.reason
-            if done in (10, 100, 300, 1000) or done % 1000 == 0:
-                most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-                print(f"{done:6d} runs: {most:.1f} MB at most")
+        marks = iter([*(count for count in (20, 100, 300) if count < runs), *range(1000, runs, 1000), runs])
+        done, mark = 0, next(marks)
+        with connected(CORES, None, {}) as client, sent(client, Parcel.of(evaluator)) as name:
+            for outcomes in OnDask(client, name).outcomes(range(runs)):
+                assert all(one.status == "ok" for one in outcomes), [one.reason for one in outcomes]
+                done += len(outcomes)
+                if done >= mark:
+                    workers = "  ".join(f"{one.memory_info().rss / 2**20:.1f}" for one in own_workers())
+                    print(f"{done:6d} runs: workers {workers} MB, this process "
+                          f"{psutil.Process().memory_info().rss / 2**20:.1f} MB", flush=True)
+                    mark = next((count for count in marks if count > done), runs)
 
 
 def main() -> None:

@@ -88,7 +88,7 @@ def test_seeds_of_rows_stay_whatever_else_is_computed() -> None:
 @pytest.mark.parametrize(("parameters", "about", "why"), [
     ({"a": {"distribution": "normal"}}, {}, "did you mean norm"),
     ({"a": {"distribution": "norm", "scale": -1}}, {}, "does not exist"),
-    ({"a": {"distribution": "gamma"}}, {}, "needs a"),
+    ({"a": {"distribution": "gamma"}}, {}, "needs 'a'"),
     ({"a": {"distribution": "norm", "width": 1}}, {}, "takes loc, scale"),
     ({"a": {"from": 2, "to": 1}}, {}, "less than 'to'"),
     ({"a": {"from": 0, "to": 1, "log": True}}, {}, "positive"),

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import signal
+import subprocess
+import sys
+import time
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -75,6 +80,35 @@ def test_a_study_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     result = study(FORMULA, output=tmp_path / "one", place=HERE, progress=lambda done, rows: told.append(done))
     assert told == [3, 4, 5]
     assert result.table.equals(study(FORMULA, output=tmp_path / "other", place=HERE).table, check_metadata=True)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as a signal")
+def test_ctrl_c_keeps_what_workers_have_done(tmp_path: Path) -> None:
+    """A real signal to the command with a worker: status 130, no traceback, and the same table when it goes on."""
+    file = tmp_path / "study.toml"
+    file.write_text('[study]\nsystem = "none"\ndesign = "random"\nsamples = 20000\nseed = 1\n[parameters]\n'
+                    'a = { from = 0, to = 1 }\n[outcomes]\n'
+                    + "".join(f'y{k} = "sin({k} * a) ** 2"\n' for k in range(9)))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "threadpitch", "study", str(file), "--workers", "1", "--output", str(tmp_path / "o")],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    try:
+        while not list((tmp_path / "o" / "rows").glob("part-*")):
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: workers get it too
+        told = process.communicate(timeout=60)[1]
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 130, told
+    assert "Traceback" not in told
+    kept = [pyarrow.parquet.read_table(part).num_rows for part in (tmp_path / "o" / "rows").glob("part-*")]
+    assert 0 < sum(kept) < 20000
+    missing: list[int] = []
+    again = study(file, output=tmp_path / "o", place=HERE, progress=lambda done, rows: missing.append(done))
+    assert len(missing) == 20000 - sum(kept)
+    assert again.table.equals(study(file, output=tmp_path / "whole", place=HERE).table, check_metadata=True)
 
 
 def test_shards_make_the_whole(tmp_path: Path) -> None:
@@ -174,7 +208,8 @@ def test_a_study_is_kept_in_the_store_once(tmp_path: Path, threadpitch: Command)
 def test_workers_of_a_scheduler_that_runs_already(tmp_path: Path) -> None:
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address="127.0.0.1:0",
+                      scheduler_kwargs={"dashboard": False}) as cluster:
         found = study(FORMULA, output=tmp_path / "there", place=Place(scheduler=cluster.scheduler_address))
     assert found.table.equals(study(FORMULA, output=tmp_path / "here", place=HERE).table, check_metadata=True)
 
@@ -207,7 +242,7 @@ def test_command(threadpitch: Command, workplace: Path) -> None:
     assert "50.00 %" in whole.out
     assert Path("y.svg").read_text(encoding="utf-8").startswith("<?xml")
     row = json.loads(threadpitch("study", "study.toml", "--row", 3, "--json").out)
-    assert row["outcomes"]["y"] == row["parameters"]["a"] ** 2
+    assert row["outcomes"]["y"]["si"] == row["parameters"]["a"]["si"] ** 2
     for arguments, why in ((["nowhere.toml"], "no such file"), (["study.toml", "--shard", "3/2"], "write it like 2/8"),
                            (["study.toml", "--row", "99"], "there is no row 99"),
                            (["study.toml", "--queue"], "[cluster]")):

@@ -71,7 +71,7 @@ def test_command_tunes_a_lathe(threadpitch: Command, workplace: Path) -> None:
         'lag = "max(abs(z_drive.following_error))"\ntorque = "max(abs(z_drive.torque))"\n[limits]\ntorque = 100\n'
         '[tune]\nminimise = "lag"\nevaluations = 14\n')
     told = threadpitch("tune", "tune.toml", "--workers", 0, "--parameters", "best.toml", "--json")
-    assert json.loads(told.out)["parameters"]["z_drive.position_gain"] > 60.0
+    assert json.loads(told.out)["parameters"]["z_drive.position_gain"]["si"] > 60.0
     assert Path("best.toml").read_text().startswith('"z_drive.position_gain" = ')
     assert threadpitch("run", "--parameters", "best.toml", "--stop-time", "0.3").status in (0, 2)
     refused = threadpitch("tune", "nowhere.toml")

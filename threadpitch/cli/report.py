@@ -22,7 +22,10 @@ from threadpitch.report.limits import Allowed, limited
 from threadpitch.report.output import check_output, write_report
 from threadpitch.report.recorded_log import LogQuestion, chosen_groups, log_thread
 from threadpitch.report.recorded_run import read_run
+from threadpitch.report.study_document import write_study
 from threadpitch.sparkline import deviation_lines, verdict_line
+from threadpitch.studies import is_study, kept
+from threadpitch.study_report import sentences
 from threadpitch.tables import printable
 from threadpitch.tolerance import parse_thread
 from threadpitch.units import to_si
@@ -33,7 +36,8 @@ _NAMED = 3  # threads in a title
 @log_options.with_log_options
 def report(
     inputs: Annotated[list[Path], typer.Argument(
-        metavar="RESULT|LOG ...", help="Folder of a run, or a log; of several the curves lie over one another.")],
+        metavar="RESULT|LOG|STUDY ...",
+        help="Folder of a run, or a log; of several the curves lie over one another. Or the folder of a study.")],
     of_log: LogOptions,
     output: Annotated[Path, typer.Option(
         "--output", "-o", metavar="FILE", help="FILE.html, one file that opens offline, or FILE.pdf.")]
@@ -70,8 +74,18 @@ def report(
     engagement: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Length over which they add up.", show_default="longest normal one")] = None,
 ) -> None:
-    """Runs and logs as one HTML file that opens offline, or as a PDF: tables, verdict, charts, provenance."""
+    """Runs and logs, or a study, as one HTML file that opens offline, or a PDF: tables, verdict, charts, provenance."""
     check_output(output)
+    if any(is_study(path) for path in inputs):
+        if len(inputs) > 1:
+            fail("a study is a report of its own: give its folder alone")
+        result = kept(inputs[0])
+        write_study(result, title, output)
+        with printing():
+            for sentence in sentences(result.document):
+                print(sentence)
+            print(f"saved in {output}")
+        return
     if crossing not in CROSSINGS:
         fail(f"crossing {crossing!r} is not known; choose {' or '.join(CROSSINGS)}")
     if uncertainty is not None and uncertainty <= 0.0:

@@ -11,8 +11,10 @@ from rich.table import Table
 from rich.text import Text
 
 from threadpitch.pitch import StreamedPitch
+from threadpitch.runs.study import STUDY
 from threadpitch.store import RunSummary, SeriesSummary, StoredRun
 from threadpitch.store.documents import degrees, series_document
+from threadpitch.study_report import show_tables
 from threadpitch.tables import MISSING, printable, show_groups
 from threadpitch.units import from_si
 
@@ -50,6 +52,11 @@ def show_run(console: Console, run: StoredRun) -> None:
             text = value.astimezone().isoformat(sep=" ", timespec="seconds") if key == "recorded_at" else value
             console.print(Text(f"{name}: {printable(text)}"))
     console.print()
+    if run.summary.kind == STUDY:
+        analysis = run.provenance.get("analysis", {})
+        if "yield_responses" in analysis:  # else it was kept by an older version, which told less
+            show_tables(console, analysis)
+        return
     show_groups(console, [StreamedPitch(f"{one.label} ({one.calculator})", one.table) for one in run.passes])
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -16,11 +16,13 @@ from threadpitch.cli.kept import stored_line
 from threadpitch.cli.options import AsJson
 from threadpitch.cli.printing import fail, print_json, printing, remark
 from threadpitch.cli.store_options import Keep
+from threadpitch.report.figure import check_figure
 from threadpitch.report.study_plot import plot_study
 from threadpitch.runs.study import study_run
 from threadpitch.store import open_store
-from threadpitch.studies.analysis import analysis_document
+from threadpitch.studies.document import values_document
 from threadpitch.studies.evaluation import FAILED
+from threadpitch.studies.shown_units import with_unit
 from threadpitch.study_report import estimate_text, show_study
 
 INCOMPLETE = 3  # exit status: some rows are not there yet, as with --shard
@@ -37,8 +39,8 @@ def study(
     scheduler: Annotated[str | None, typer.Option(
         metavar="ADDRESS", help="Dask scheduler that runs already, such as tcp://host:8786.")] = None,
     queue: Annotated[bool, typer.Option(
-        "--queue", metavar="", help="Workers are jobs of the queue in the study's [cluster] (SLURM and others).")]
-    = False,
+        "--queue", metavar="",
+        help="Workers are jobs of the queue that the study's table 'cluster' configures (SLURM, PBS, ...).")] = False,
     shard: Annotated[str, typer.Option(
         metavar="I/N", help="Only the I-th of N parts, in this process: for job arrays.")] = "1/1",
     dry_run: Annotated[bool, typer.Option(
@@ -53,6 +55,8 @@ def study(
 ) -> None:
     """Vary parameters of a simulated lathe: effects, sensitivity, and the yield within the limits."""
     place = studies.Place(workers, scheduler, queue, studies.read_shard(shard))
+    if plot is not None:
+        check_figure(plot)
     if row is not None:
         _print_row(definition, row, as_json)
         return
@@ -75,7 +79,7 @@ def study(
     with printing():
         if as_json:
             print_json({"output": str(result.folder), "missing": result.missing, **stored,
-                        **analysis_document(result.analysis)})
+                        **result.document})
         else:
             console = Console()
             show_study(console, result)
@@ -108,13 +112,13 @@ def _print_row(definition: Path, number: int, as_json: bool) -> None:
     parameters, outcome = studies.row(definition, number)
     if outcome.status == FAILED:
         fail(f"row {number}: {outcome.reason}")
-    document: Mapping[str, Any] = {"row": number, "parameters": dict(parameters), "outcomes": dict(outcome.values)}
+    units = studies.units(definition)
     with printing():
         if as_json:
-            print_json(dict(document))
+            print_json({"row": number, **values_document(parameters, outcome.values, units)})
             return
         for name, value in {**parameters, **outcome.values}.items():
-            print(f"{name} = {value!r}")
+            print(f"{name} = {with_unit(value, units.get(name))}")
 
 
 def _print_estimate(found: studies.Estimate, as_json: bool) -> None:

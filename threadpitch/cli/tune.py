@@ -12,11 +12,13 @@ from threadpitch.cli.options import AsJson
 from threadpitch.cli.printing import fail, print_json, printing, remark
 from threadpitch.cli.study import counting_rows
 from threadpitch.fmu.cache import write_file
+from threadpitch.studies.document import values_document
+from threadpitch.studies.shown_units import with_unit
 from threadpitch.studies.tuning import DEFAULT_OUTPUT
 
 
 def tune(
-    definition: Annotated[Path, typer.Argument(metavar="TUNE", help="A study as a TOML file, with [tune].",
+    definition: Annotated[Path, typer.Argument(metavar="TUNE", help="A study as a TOML file, with a table 'tune'.",
                                                show_default=False)],
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for what was computed; a search that was stopped "
                                                              "goes on in it.")] = Path(DEFAULT_OUTPUT),
@@ -41,11 +43,12 @@ def tune(
         write_file(parameters, "\n".join([*lines, ""]).encode())
     with printing():
         if as_json:
-            print_json({"parameters": dict(found.parameters), "outcomes": dict(found.outcomes),
+            print_json({**values_document(found.parameters, found.outcomes, found.units),
                         "within_limits": found.within_limits, "evaluations": found.evaluations})
             return
         print(f"Best of {found.evaluations} points" + ("" if found.within_limits else ", OUTSIDE of a limit") + ":")
         for name, value in {**found.parameters, **found.outcomes}.items():
-            limit = found.study.limits.get(name)
-            print(f"  {name} = {value:.6g}" + ("" if limit is None else f" (limit {limit:.6g})"))
+            limit, unit = found.study.limits.get(name), found.units.get(name)
+            allowed = "" if limit is None else f" (limit {with_unit(limit, unit)})"
+            print(f"  {name} = {with_unit(value, unit)}{allowed}")
         print(f"saved in {found.folder}")

@@ -100,6 +100,19 @@ class Channels:
         self.piece_words = np.array([piece.words for piece in self.pieces], np.int64)
         self.row_words = int(self.piece_words.sum())
         self.first_pieces = {piece.width: number for number, piece in reversed(list(enumerate(self.pieces)))}
+        self._columns: dict[Channels, dict[int, NDArray[np.int64]]] = {}
+
+    def columns(self, some: Channels) -> dict[int, NDArray[np.int64]]:
+        """By width: which columns of a row hold the values of ``some``, in their order."""
+        if some not in self._columns:  # every run of a study asks for the same
+            self._columns[some] = {width: np.array([self.places[channel.name] for channel in found], np.int64)
+                                   for width, found in some.by_width.items()}
+        return self._columns[some]
+
+    def piece(self, channel: Channel) -> int:
+        """The number of the piece in which the channel lies."""
+        width = channel.width
+        return self.first_pieces[width] + self.places[channel.name] // (PIECE_SIZE // width)
 
     def empty(self, count: int) -> dict[int, NDArray[Any]]:
         """Room for rows."""
@@ -200,9 +213,9 @@ class Block:
         return channel.values(self._bits(channel))
 
     def _bits(self, channel: Channel) -> Column:
-        width, place = channel.width, self.channels.places[channel.name]
-        within, inside = divmod(place, PIECE_SIZE // width)
-        first = self.places[:, self.channels.first_pieces[width] + within].astype(np.int64) * (WORD // width)
+        width = channel.width
+        inside = self.channels.places[channel.name] % (PIECE_SIZE // width)
+        first = self.places[:, self.channels.piece(channel)].astype(np.int64) * (WORD // width)
         bits: Column = self.words.view(f"i{width}")[first + inside]
         return bits
 
@@ -219,10 +232,8 @@ class Block:
         if channels is self.channels:
             return self
         if 2 * len(channels.all) > len(self.channels.all):  # piece by piece is faster than column by column
-            whole = self.rows
-            return Block.of_rows(channels, self.times, {
-                width: whole[width][:, [self.channels.places[channel.name] for channel in found]]
-                for width, found in channels.by_width.items()})
+            whole, columns = self.rows, self.channels.columns(channels)
+            return Block.of_rows(channels, self.times, {width: whole[width][:, columns[width]] for width in WIDTHS})
         rows = channels.empty(len(self))
         for channel in channels.all:
             rows[channel.width][:, channels.places[channel.name]] = self._bits(channel)
@@ -231,7 +242,7 @@ class Block:
 
 def whole_places(channels: Channels, numbers: range) -> NDArray[np.int64]:
     """The places of rows that are stored whole, one after another, from number 0 on: of those with these numbers."""
-    return np.array(numbers, np.int64)[:, None] * channels.row_words + channels.begins
+    return np.arange(numbers.start, numbers.stop, dtype=np.int64)[:, None] * channels.row_words + channels.begins
 
 
 class Blocks:

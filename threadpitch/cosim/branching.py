@@ -111,7 +111,7 @@ class Branching:
             done += CHUNK
             if self._marked(done):
                 break
-        beginning.trace = self._trace[:beginning.steps + 1].copy()
+        beginning.trace = _copied(self._trace[:beginning.steps + 1], beginning.trace)
         self._kept.appendleft(beginning)
         if len(self._kept) > KEPT:
             self._spare.append(self._kept.pop())
@@ -149,6 +149,15 @@ class Branching:
         """What nodes share besides the memory."""
         state = self._network.state
         return (state.times, state.starts, *state.samples, *state.iterates, state.control)
+
+
+def _copied(rows: NDArray[np.uint8], room: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The rows in the memory of a former trace where they fit: to touch fresh memory takes longer than to copy."""
+    whole = room if room.base is None else room.base
+    if whole.shape[0] < rows.shape[0]:
+        return rows.copy()
+    np.copyto(whole[:rows.shape[0]], rows)
+    return np.asarray(whole[:rows.shape[0]])
 
 
 def _values(settings: Iterable[Setting]) -> Values:

@@ -122,15 +122,34 @@ class Taking:
         return self.sink.take(block.of(self.channels))
 
     def _changed(self, block: Block) -> Block:
+        """The rows that differ from the one before; what is not a number in both does not differ."""
         mask = np.zeros(len(block), np.bool_)
         mask[0] = self.last is None
-        for channel in self.on:
-            column = block.column(channel)
-            mask[1:] |= column[1:] != column[:-1]
-            if self.last is not None:
-                mask[0] |= bool(column[0] != self.last.column(channel)[0])
-        self.last = block.some(np.array([len(block) - 1])).of(self.channels).compact()
+        for piece, channels in _by_piece(block.channels, self.on).items():
+            places = block.places[:, piece]
+            moved = np.flatnonzero(places[1:] != places[:-1]) + 1  # in other rows all of the piece is what it was
+            before, after = block.some(moved - 1), block.some(moved)
+            for channel in channels:
+                mask[moved] |= _differ(before.column(channel), after.column(channel))
+                if self.last is not None:
+                    mask[:1] |= _differ(self.last.column(channel), block.some(slice(1)).column(channel))
+        self.last = block.some(slice(len(block) - 1, None)).of(self.channels).compact()
         return block.some(mask)
+
+
+def _by_piece(layout: Channels, channels: Iterable[Channel]) -> dict[int, list[Channel]]:
+    """The channels by the number of the piece in which they lie."""
+    found: dict[int, list[Channel]] = {}
+    for channel in channels:
+        found.setdefault(layout.piece(channel), []).append(channel)
+    return found
+
+
+def _differ(before: Column, after: Column) -> NDArray[np.bool_]:
+    different = before != after
+    if before.dtype.kind == "f" and different.any():
+        different &= ~(np.isnan(before) & np.isnan(after))
+    return np.asarray(different)
 
 
 class Recorder:

@@ -32,6 +32,7 @@ class FmuVariable:
     element: int = 0
     size: int = 1
     start: float | None = None
+    display: str | None = None  # unit that people read it in
     interpolated: bool = False
     discrete: bool = False
 

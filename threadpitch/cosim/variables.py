@@ -69,6 +69,7 @@ def _variable(found: Any, extras: _Extras, fmi: int) -> FmuVariable:
         type=found.type,
         causality=found.causality,
         unit=found.unit or getattr(declared, "unit", None),
+        display=found.displayUnit or getattr(declared, "displayUnit", None),
         minimum=to_number(found.min if found.min is not None else getattr(declared, "min", None)),
         maximum=to_number(found.max if found.max is not None else getattr(declared, "max", None)),
         choices=choices,

@@ -24,6 +24,20 @@ class PlotError(ValueError):
     """A figure cannot be drawn: what is missing, and how to mend it."""
 
 
+def check_figure(path: Path) -> None:
+    """Refuse a file that cannot become a figure, before anything is computed for it.
+
+    Raises:
+        PlotError, OSError: as ``figure``.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise PlotError(f"{path}: a figure can be {', '.join(FORMATS)}; give the file such a name")
+    if importlib.util.find_spec("matplotlib") is None:
+        raise PlotError("matplotlib is not installed; install it with: pip install 'threadpitch[plot]'")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(2, "there is no such folder", str(path.parent))
+
+
 @contextmanager
 def figure(path: Path, size: tuple[float, float]) -> Iterator[Figure]:
     """An empty figure of this size (inch), written to ``path`` when the context ends; its suffix is the format.
@@ -32,12 +46,7 @@ def figure(path: Path, size: tuple[float, float]) -> Iterator[Figure]:
         PlotError: the format is not known, or matplotlib is not installed.
         OSError: the file cannot be written.
     """
-    if path.suffix.lower() not in FORMATS:
-        raise PlotError(f"{path}: a figure can be {', '.join(FORMATS)}; give the file such a name")
-    if importlib.util.find_spec("matplotlib") is None:
-        raise PlotError("matplotlib is not installed; install it with: pip install 'threadpitch[plot]'")
-    if not path.parent.is_dir():
-        raise FileNotFoundError(2, "there is no such folder", str(path.parent))
+    check_figure(path)
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

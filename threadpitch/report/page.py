@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 TEMPLATES = Path(__file__).parent / "templates"
 _ROWS_AT_ONCE = 500  # of a table; a longer one is built when it is opened
 _NEEDED = ("bokeh", "jinja2")
+_NONE = "'none'"
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class Scripts:
         if self.addresses:
             allowed.append("'self'")
         connect = "'self'" if self.addresses else "'none'"
-        return (f"default-src 'none'; script-src {' '.join(allowed)}; style-src 'unsafe-inline'; img-src data: blob:; "
-                f"connect-src {connect}; base-uri 'none'; form-action 'self'")
+        return (f"default-src 'none'; script-src {' '.join(allowed) or _NONE}; style-src 'unsafe-inline'; "
+                f"img-src data: blob:; connect-src {connect}; base-uri 'none'; form-action 'self'")
 
 
 def write_page(report: Report, path: Path) -> None:
@@ -73,7 +74,7 @@ def page(report: Report, scripts: Scripts, navigation: str = "") -> str:
     return templates().get_template("report.html").render(
         title=printable(report.title), provenance=report.provenance, charts=found,
         threads=[statements(thread) for thread in report.threads],
-        document=json_for_script(documents(found)), scripts=scripts, style=_read("page.css"), version=__version__,
+        document=json_for_script(documents(found)), scripts=scripts, style=style(), version=__version__,
         navigation=navigation, rows_at_once=_ROWS_AT_ONCE)
 
 
@@ -106,6 +107,11 @@ def bokeh_script() -> str:
 def page_script() -> str:
     """What the page itself does: draw the charts, listen to keys."""
     return _read("page.js")
+
+
+def style() -> str:
+    """How the pages look."""
+    return _read("page.css")
 
 
 def json_for_script(document: object) -> str:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import importlib.util
 import io
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from threadpitch import __version__
 from threadpitch.report.content import Report, ReportError
@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from matplotlib.backends.backend_pdf import PdfPages
     from matplotlib.figure import Figure
 
-_A4 = (8.27, 11.69)  # inch
-_LINES = 76  # of text on a page
+Page: TypeAlias = "list[str] | Figure"  # lines of text, or a figure of the size A4
+
+A4 = (8.27, 11.69)  # inch
+LINES = 76  # of text on a page
 _WIDTH = 98  # characters of a line of text
 _SHORT = 30  # rows of a table that shares its page
 _GAP = "   "  # between two columns of a table
@@ -50,27 +52,43 @@ def write_paper(report: Report, path: Path) -> None:
         ReportError: matplotlib is not installed.
         OSError: the file cannot be written.
     """
+    write_pages(report.title, _parts(report), path)
+
+
+def write_pages(title: str, parts: Iterable[Page], path: Path) -> None:
+    """Write pages, of text or with a figure, as a PDF; figures are made in the style of the paper where ``parts`` makes
+    them when they are asked for.
+
+    Raises:
+        ReportError: matplotlib is not installed.
+        OSError: the file cannot be written.
+    """
     require()
     import matplotlib as mpl
     from matplotlib.backends.backend_pdf import PdfPages
 
+    content = io.BytesIO()
+    about = {"Title": printable(title), "Creator": f"threadpitch {__version__}", "CreationDate": None}
+    with mpl.rc_context(_STYLE), PdfPages(content, metadata=about) as pages:  # type: ignore[arg-type] # known keys
+        footer = _Footer(printable(title))
+        for part in parts:
+            if isinstance(part, list):
+                _add_text(pages, footer, part)
+            else:
+                _add(pages, footer, part)
+    write_whole(path, content.getvalue())
+
+
+def _parts(report: Report) -> Iterator[Page]:
+    """Words, charts, tables, provenance."""
     from threadpitch.report.paper_drawings import chart_pages
 
-    content = io.BytesIO()
-    about = {"Title": printable(report.title), "Creator": f"threadpitch {__version__}", "CreationDate": None}
-    with mpl.rc_context(_STYLE), PdfPages(content, metadata=about) as pages:  # type: ignore[arg-type] # known keys
-        told = [statements(thread) for thread in report.threads]
-        footer = _Footer(printable(report.title))
-        for lines in _paginated(_summary(report, told)):
-            _add_text(pages, footer, lines)
-        for figure in chart_pages(report, _A4):
-            _add(pages, footer, figure)
-        for one in told:
-            for lines in _tables(one):
-                _add_text(pages, footer, lines)
-        for lines in _paginated(_provenance(report, told)):
-            _add_text(pages, footer, lines)
-    write_whole(path, content.getvalue())
+    told = [statements(thread) for thread in report.threads]
+    yield from paginated(_summary(report, told))
+    yield from chart_pages(report, A4)
+    for one in told:
+        yield from _tables(one)
+    yield from paginated(_provenance(report, told))
 
 
 class _Footer:
@@ -89,7 +107,7 @@ class _Footer:
 def _add_text(pages: PdfPages, footer: _Footer, lines: list[str]) -> None:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=_A4)
+    figure = Figure(figsize=A4)
     figure.text(0.07, 0.96, "\n".join(lines), family="DejaVu Sans Mono", fontsize=7.6, va="top", linespacing=1.25)
     _add(pages, footer, figure)
 
@@ -101,42 +119,44 @@ def _add(pages: PdfPages, footer: _Footer, figure: Figure) -> None:
 
 def _summary(report: Report, told: list[Statements]) -> Iterator[str]:
     """Title, verdicts with their evidence, tolerances and notes."""
-    yield from _wrapped(report.title)
+    yield from wrapped(report.title)
     for one in told:
-        yield from ("", *_wrapped(one.name), "-" * min(len(one.name), _WIDTH))
+        yield from ("", *wrapped(one.name), "-" * min(len(one.name), _WIDTH))
         for line in one.lines:
-            yield from _wrapped(line)
+            yield from wrapped(line)
         if one.verdict:
-            yield from ("", *_wrapped(f"Verdict: {one.verdict}"))
+            yield from ("", *wrapped(f"Verdict: {one.verdict}"))
             for line in one.advice:
-                yield from _wrapped(f"  - {line}")
+                yield from wrapped(f"  - {line}")
             yield ""
             for name, text in one.evidence:
-                yield from _wrapped(f"{name}: {text}")
+                yield from wrapped(f"{name}: {text}")
         for name, text in one.tolerances:
-            yield from ("", *_wrapped(f"{name}. {text}"))
+            yield from ("", *wrapped(f"{name}. {text}"))
         for note in one.notes:
-            yield from _wrapped(f"Note: {note}")
+            yield from wrapped(f"Note: {note}")
 
 
 def _provenance(report: Report, told: list[Statements]) -> Iterator[str]:
     yield "Provenance"
     for name, rows in [*((one.name, one.provenance) for one in told),
                        ("Report", (("made by", f"threadpitch {__version__}"), *report.provenance))]:
-        yield from ("", *_wrapped(name))
+        yield from ("", *wrapped(name))
         for what, text in rows:
-            yield from _wrapped(f"  {what}: {text}")
+            yield from wrapped(f"  {what}: {text}")
 
 
-def _wrapped(line: str) -> list[str]:
+def wrapped(line: str) -> list[str]:
+    """A line of text as lines that fit on the page."""
     return textwrap.wrap(printable(line), _WIDTH, subsequent_indent="    ") or [""]
 
 
-def _paginated(lines: Iterator[str]) -> Iterator[list[str]]:
+def paginated(lines: Iterable[str]) -> Iterator[list[str]]:
+    """Lines of text, page by page."""
     page: list[str] = []
     for line in lines:
         page.append(line)
-        if len(page) == _LINES:
+        if len(page) == LINES:
             yield page
             page = []
     if page:
@@ -148,11 +168,11 @@ def _tables(one: Statements) -> Iterator[list[str]]:
     short = [table for table in one.tables if len(table.rows) <= _SHORT]
     for table in one.tables:
         if table not in short:
-            yield from _table_pages(one.name, table)
-    yield from _paginated(line for table in short for page in _table_pages(one.name, table) for line in [*page, "", ""])
+            yield from table_pages(one.name, table)
+    yield from paginated(line for table in short for page in table_pages(one.name, table) for line in [*page, "", ""])
 
 
-def _table_pages(name: str, table: TextTable) -> Iterator[list[str]]:
+def table_pages(name: str, table: TextTable) -> Iterator[list[str]]:
     """The rows of a table under its heading, in as many columns beside each other as the page holds."""
     widths = [max(len(row[place]) for row in (table.columns, *table.rows)) for place in range(len(table.columns))]
 
@@ -162,12 +182,12 @@ def _table_pages(name: str, table: TextTable) -> Iterator[list[str]]:
     head = line(table.columns)
     beside = max(1, (_WIDTH + len(_GAP)) // (len(head) + len(_GAP)))
     rows = [line(row) for row in table.rows]
-    room = _LINES - 4
+    room = LINES - 4
     for first in range(0, max(len(rows), 1), room * beside):
         part = rows[first:first + room * beside]
         height = min(room, max(-(-len(part) // beside), min(len(part), room // 2)))
         columns = [part[start:start + height] for start in range(0, len(part), height)]
         heads = _GAP.join([head] * len(columns))
-        yield [*_wrapped(f"{name}. {table.heading}"), "", heads, "-" * len(heads),
+        yield [*wrapped(f"{name}. {table.heading}"), "", heads, "-" * len(heads),
                *(_GAP.join(cell.ljust(len(head)) for cell in cells)
                  for cells in zip_longest(*columns, fillvalue=""))]

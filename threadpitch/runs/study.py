@@ -6,7 +6,7 @@ import hashlib
 import json
 
 from threadpitch.store import NewRun
-from threadpitch.studies import StudyResult, analysis_document
+from threadpitch.studies import StudyResult
 from threadpitch.studies.keeping import METADATA, TABLE
 
 STUDY = "study"  # kind of a run
@@ -22,4 +22,4 @@ def study_run(result: StudyResult, source: str) -> NewRun:
     provenance = json.loads(result.table.schema.metadata[METADATA])
     return NewRun(kind=STUDY, source=source, passes=(), trace=table, note=result.study.name,
                   uid=hashlib.sha256(table.read_bytes()).hexdigest()[:32],
-                  provenance=provenance | {"analysis": analysis_document(result.analysis)})
+                  provenance=provenance | {"analysis": result.document})

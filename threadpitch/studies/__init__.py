@@ -6,18 +6,22 @@
 The way of a study is ``making.study``.
 """
 
-from threadpitch.studies.analysis import Analysis, Indices, Interval, Response, analysis_document
+from threadpitch.studies.analysis import Analysis, Indices, Interval, Response, YieldResponse
 from threadpitch.studies.definition import Study, read_study, study_of
+from threadpitch.studies.document import analysis_document
 from threadpitch.studies.errors import StudyError
+from threadpitch.studies.keeping import is_study
 from threadpitch.studies.making import (
     DEFAULT_OUTPUT,
     Estimate,
     Place,
     StudyResult,
     estimate,
+    kept,
     read_shard,
     row,
     study,
+    units,
 )
 from threadpitch.studies.tuning import Tuning, tune
 
@@ -33,12 +37,16 @@ __all__ = [
     "StudyError",
     "StudyResult",
     "Tuning",
+    "YieldResponse",
     "analysis_document",
     "estimate",
+    "is_study",
+    "kept",
     "read_shard",
     "read_study",
     "row",
     "study",
     "study_of",
     "tune",
+    "units",
 ]

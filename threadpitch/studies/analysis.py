@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,9 +17,11 @@ from threadpitch.studies.design import DRAWN, GRID, ONE_AT_A_TIME, SENSITIVITY
 from threadpitch.studies.evaluation import OK
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 Columns = Mapping[str, Sequence[Any]]  # of the study's table
 
 CONFIDENCE = 0.95
+ALL = "all"  # limits
 BINS = 8  # of a drawn parameter in a response
 _RESAMPLES = 999
 
@@ -37,8 +40,8 @@ class Response:
     """How an outcome goes with a parameter: mean and standard deviation of the rows at each of its places.
 
     ``share`` is the part of the outcome's variance that the means explain (correlation ratio; of drawn designs less
-    what chance would explain), ``rank`` Spearman's
-    rank correlation; NaN where it has no order. ``places`` are levels, or the means of the parameter in bins.
+    what chance would explain; NaN of one at a time), ``rank`` Spearman's rank correlation; NaN where it has no order.
+    ``places`` are levels, or the means of the parameter in bins.
     """
 
     outcome: str
@@ -48,6 +51,19 @@ class Response:
     spread: FloatArray  # (places,)
     share: float
     rank: float
+
+
+@dataclass(frozen=True)
+class YieldResponse:
+    """How the share of rows within every limit goes with a parameter. ``ends`` are the least and the greatest value of
+    the parameter in the rows at each place.
+    """
+
+    parameter: str
+    places: tuple[Any, ...]
+    ends: tuple[tuple[Any, Any], ...]
+    rows: tuple[int, ...]
+    yields: tuple[Interval, ...]
 
 
 @dataclass(frozen=True)
@@ -63,13 +79,17 @@ class Indices:
 @dataclass(frozen=True)
 class Analysis:
     """``yields`` are the parts of the rows within each limit; "all" within every limit. Rows that failed are outside
-    of every limit in ``yields``, and do not count in the rest.
+    of every limit in ``yields``, and do not count in the rest. ``outcomes`` tells the finite values of numeric ones,
+    ``infinite`` how many are not; of texts ``words`` how often each came.
     """
 
     rows: int
     failed: int
     outcomes: Mapping[str, tuple[float, float, float]]  # least, mean, greatest
+    infinite: Mapping[str, int]
+    words: Mapping[str, Mapping[str, int]]
     yields: Mapping[str, Interval]
+    yield_responses: tuple[YieldResponse, ...]
     responses: tuple[Response, ...]
     indices: tuple[Indices, ...]
 
@@ -77,16 +97,25 @@ class Analysis:
 def analyze(study: Study, columns: Columns) -> Analysis:
     """Look at the rows that are done; ``columns`` are those of the study's table."""
     good = np.array([status == OK for status in columns["status"]], np.bool_)
+    if not good.size:
+        return Analysis(0, 0, {}, {}, {}, {}, (), (), ())
     numeric = {name: values for name in study.outcomes if (values := _numbers(columns[name])) is not None}
     known = {name: values[good & np.isfinite(values)] for name, values in numeric.items()}
     responses = [_response(study, name, parameter, columns, good & np.isfinite(values))
                  for name, values in numeric.items() for parameter in (one.name for one in study.parameters)
                  if np.count_nonzero(good & np.isfinite(values)) > 1]
+    inside = _inside(study, numeric, good)
     return Analysis(
         rows=good.size, failed=int(np.count_nonzero(~good)),
         outcomes={name: (float(values.min()), float(values.mean()), float(values.max()))
                   for name, values in known.items() if values.size},
-        yields=_yields(study, numeric, good), responses=tuple(responses), indices=tuple(_all_indices(study, columns)))
+        infinite={name: count for name, values in numeric.items() if (count := int(np.isinf(values[good]).sum()))},
+        words={name: dict(Counter(str(value) for value in columns[name] if value is not None).most_common())
+               for name in study.outcomes if name not in numeric},
+        yields={name: _yield(study, which) for name, which in inside.items()},
+        yield_responses=tuple(_yield_response(study, one.name, columns, inside[ALL])
+                              for one in study.parameters) if inside else (),
+        responses=tuple(responses), indices=tuple(_all_indices(study, columns)))
 
 
 def clopper_pearson(good: int, count: int, confidence: float = CONFIDENCE) -> Interval:
@@ -95,15 +124,50 @@ def clopper_pearson(good: int, count: int, confidence: float = CONFIDENCE) -> In
     return Interval(good / count, float(found.low), float(found.high))
 
 
-def _yields(study: Study, numeric: Mapping[str, FloatArray], good: NDArray[np.bool_]) -> dict[str, Interval]:
-    """|outcome| <= limit; of designs that are no samples there is a share, but no interval."""
+def _inside(study: Study, numeric: Mapping[str, FloatArray], good: BoolArray) -> dict[str, BoolArray]:
+    """Which rows are within each limit, |outcome| <= limit, and ALL within every one; rows that failed are in none."""
     inside = {name: good & (np.abs(numeric[name]) <= limit) for name, limit in study.limits.items() if name in numeric}
-    if not inside or not good.size:
-        return {}
-    everything = {**inside, "all": np.logical_and.reduce(list(inside.values()))}
+    return {**inside, ALL: np.logical_and.reduce(list(inside.values()))} if inside else {}
+
+
+def _yield(study: Study, which: BoolArray) -> Interval:
+    """The share of rows; its interval, but of designs that are no samples."""
     if study.design.kind in (GRID, ONE_AT_A_TIME, SENSITIVITY):
-        return {name: Interval(float(np.mean(which)), math.nan, math.nan) for name, which in everything.items()}
-    return {name: clopper_pearson(int(np.count_nonzero(which)), which.size) for name, which in everything.items()}
+        return Interval(float(np.mean(which)), math.nan, math.nan)
+    return clopper_pearson(int(np.count_nonzero(which)), which.size)
+
+
+def _yield_response(study: Study, name: str, columns: Columns, inside: BoolArray) -> YieldResponse:
+    rows = _comparable(study, name, columns)
+    values = [columns[name][row] for row in rows.tolist()]
+    places, groups = _grouped(study, name, values)
+    among = [[value for value, here in zip(values, group, strict=True) if here] for group in groups]
+    ends = [(min(group), max(group)) for group in among]
+    return YieldResponse(name, tuple(places), tuple(ends), tuple(len(group) for group in among),
+                         tuple(_yield(study, inside[rows][group]) for group in groups))
+
+
+def _comparable(study: Study, name: str, columns: Columns) -> NDArray[np.int64]:
+    """The rows that tell of a parameter: all of them; of one at a time those where the others are as in the middle."""
+    rows = np.arange(len(columns["status"]))
+    if study.design.kind != ONE_AT_A_TIME:
+        return rows
+    others = [one for one in study.parameters if one.name != name]
+    return rows[[all(columns[one.name][row] == one.middle for one in others) for row in rows.tolist()]]
+
+
+def _grouped(study: Study, name: str, values: Sequence[Any]) -> tuple[list[Any], list[BoolArray]]:
+    """The places of a parameter, levels or means in bins, and which of its values belong to each."""
+    parameter = next(one for one in study.parameters if one.name == name)
+    if parameter.values or study.design.kind in (GRID, ONE_AT_A_TIME):
+        places = [place for place in parameter.levels if place in values]
+        if study.design.kind == ONE_AT_A_TIME and all(isinstance(value, float) for value in values):
+            places = sorted({*places, *values})
+        return places, [np.array([value == place for value in values], np.bool_) for place in places]
+    numbers = np.array(values)
+    bins = np.searchsorted(np.quantile(numbers, np.linspace(0.0, 1.0, BINS + 1)[1:-1]), numbers)
+    groups = [bins == one for one in range(BINS) if np.any(bins == one)]
+    return [float(numbers[group].mean()) for group in groups], groups
 
 
 def _numbers(values: Iterable[Any]) -> FloatArray | None:
@@ -114,31 +178,23 @@ def _numbers(values: Iterable[Any]) -> FloatArray | None:
     return np.array([math.nan if value is None else float(value) for value in listed])
 
 
-def _response(study: Study, outcome: str, name: str, columns: Columns, which: NDArray[np.bool_]) -> Response:
-    parameter = next(one for one in study.parameters if one.name == name)
-    rows = np.flatnonzero(which).tolist()
+def _response(study: Study, outcome: str, name: str, columns: Columns, which: BoolArray) -> Response:
+    comparable = _comparable(study, name, columns)
+    rows = comparable[which[comparable]].tolist()
     results = np.array([float(columns[outcome][row]) for row in rows])
     values = [columns[name][row] for row in rows]
-    ordered = all(isinstance(value, float) for value in values)
-    if parameter.values or study.design.kind in (GRID, ONE_AT_A_TIME):
-        places = [place for place in parameter.levels if place in values]
-        if ordered and study.design.kind == ONE_AT_A_TIME:
-            places = sorted({*places, *values})
-        groups = [np.array([value == place for value in values]) for place in places]
-    else:
-        edges = np.quantile(np.array(values), np.linspace(0.0, 1.0, BINS + 1)[1:-1])
-        bins = np.searchsorted(edges, np.array(values))
-        groups = [bins == one for one in range(BINS) if np.any(bins == one)]
-        places = [float(np.mean(np.array(values)[group])) for group in groups]
+    places, groups = _grouped(study, name, values)
     mean = np.array([results[group].mean() for group in groups])
     spread = np.array([results[group].std() for group in groups])
     weight = np.array([np.count_nonzero(group) for group in groups])
-    whole = float(results.var())
+    whole = float(results.var()) if results.size else 0.0
     share = float(np.average((mean - results.mean()) ** 2, weights=weight)) / whole if whole > 0.0 else 0.0
     if whole > 0.0 and study.design.kind in DRAWN and results.size > len(groups):
         # epsilon squared: groups drawn at random differ in their means even where the parameter does nothing
         share = max(0.0, 1.0 - (1.0 - share) * (results.size - 1) / (results.size - len(groups)))
-    varies = ordered and whole > 0.0 and len(set(values)) > 1
+    if study.design.kind == ONE_AT_A_TIME:
+        share = math.nan  # of what varies alone it would be all
+    varies = all(isinstance(value, float) for value in values) and whole > 0.0 and len(set(values)) > 1
     rank = float(scipy.stats.spearmanr(values, results).statistic) if varies else math.nan
     return Response(outcome, name, tuple(places), mean, spread, share, rank)
 
@@ -173,26 +229,3 @@ def _saltelli(rows: FloatArray) -> FloatArray:
     first, second, mixed = rows[0], rows[1], rows[2:]
     variance = float(np.var(rows[:2]))
     return np.stack([np.mean(second * (mixed - first), axis=1), 0.5 * np.mean((first - mixed) ** 2, axis=1)]) / variance
-
-
-def analysis_document(found: Analysis) -> dict[str, Any]:
-    """As a JSON document, SI; null for what is not known or infinite."""
-    def plain(value: Any) -> Any:
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    def interval(one: Interval) -> dict[str, Any]:
-        return {"value": plain(one.value), "low": plain(one.low), "high": plain(one.high)}
-
-    return {
-        "rows": found.rows, "failed": found.failed, "confidence": CONFIDENCE,
-        "outcomes": {name: dict(zip(("min", "mean", "max"), values, strict=True))
-                     for name, values in found.outcomes.items()},
-        "yields": {name: interval(one) for name, one in found.yields.items()},
-        "responses": [{"outcome": one.outcome, "parameter": one.parameter, "places": list(one.places),
-                       "mean": one.mean.tolist(), "spread": one.spread.tolist(), "share": one.share,
-                       "rank_correlation": plain(one.rank)} for one in found.responses],
-        "sobol_indices": [{"outcome": one.outcome, "parameters": {
-            name: {"first": interval(first), "total": interval(total)}
-            for name, first, total in zip(one.parameters, one.first, one.total, strict=True)}}
-            for one in found.indices],
-    }

@@ -21,6 +21,14 @@ JOB_QUEUES = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "lsf": "LSFCluster",
 _OF_CLUSTER = {"interface", "scheduler_options", "n_workers", "security"}  # what a cluster keeps from its jobs
 _DEATHS = 3  # workers that may die under a task before the task is suspected
 _CONNECT = 30.0  # s
+# What Dask does beside the rows in every process, for a dashboard that nobody looks at here: some 5 % of a core with
+# one worker, while client and scheduler share the cores of the workers.
+_QUIET = {
+    "distributed.worker.profile.enabled": False,  # looks at all stacks every 10 ms
+    "distributed.admin.tick.interval": "500ms",  # instead of 20 ms; tells of event loops that hang
+    "distributed.admin.system-monitor.interval": "10s",  # instead of 500 ms
+    "distributed.scheduler.active-memory-manager.start": False,  # there is nothing to move between workers
+}
 
 
 @contextlib.contextmanager
@@ -38,7 +46,7 @@ def connected(workers: int, scheduler: str | None, cluster: Mapping[str, Any]) -
                 "distributed.admin.large-graph-warning-threshold": "1GB",
                 "distributed.worker.memory.terminate": False, "distributed.worker.memory.pause": False}
     with contextlib.ExitStack() as stack:
-        stack.enter_context(dask.config.set(settings))
+        stack.enter_context(dask.config.set(settings | (_QUIET if scheduler is None else {})))
         if scheduler is not None:
             try:
                 yield stack.enter_context(Client(scheduler, set_as_default=False))
@@ -53,8 +61,10 @@ def connected(workers: int, scheduler: str | None, cluster: Mapping[str, Any]) -
             try:
                 with _without_interrupt():
                     made = stack.enter_context(LocalCluster(
-                        n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
-                        memory_limit=0, silence_logs="CRITICAL"))
+                        n_workers=workers, threads_per_worker=1, processes=True, memory_limit=0,
+                        # No dashboard; without an address its server takes port 8787, and complains where it is taken.
+                        dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
+                        silence_logs="CRITICAL"))
             except RuntimeError as error:  # a process that died while it started
                 raise StudyError(f"the local workers cannot be started ({' '.join(str(error).split())}); try again, "
                                  "take fewer with --workers, or compute in this process with --workers 0") from None
@@ -90,6 +100,8 @@ def job_queue(cluster: Mapping[str, Any]) -> Any:
     chosen = getattr(dask_jobqueue, JOB_QUEUES[kind])
     options = {"cores": 1, "memory": "2GB", **options}
     try:
+        # Not Dask's 8787, which another user of a login node may have taken.
+        options["scheduler_options"] = {"dashboard_address": ":0", **options.get("scheduler_options", {})}
         # A job alone first: a cluster that cannot be made complains once more when it is thrown away.
         chosen.job_cls("tcp://127.0.0.1:8786", "first", **{word: value for word, value in options.items()
                                                            if word not in _OF_CLUSTER})

@@ -16,11 +16,12 @@ import numpy as np
 from threadpitch.cosim.system import nearest
 from threadpitch.cosim.values import Given
 from threadpitch.lathe import DEFAULT_SYSTEM, find_system
-from threadpitch.studies.design import DESIGNS, Design, FloatArray, Row, check_design, row_seed
+from threadpitch.studies.correlation import correlation_of
+from threadpitch.studies.design import DESIGNS, Design, Row, check_design, row_seed
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.expression import FUNCTIONS, Expression
 from threadpitch.studies.parameter import Parameter, read_parameter
-from threadpitch.studies.quantity import number
+from threadpitch.studies.quantity import number, written_unit
 from threadpitch.studies.statistics import STATISTICS, Judging
 
 Document = Mapping[str, Any]
@@ -47,7 +48,8 @@ class Run:
 
 @dataclass(frozen=True)
 class Study:
-    """``limits`` are the greatest good values of outcomes, SI; ``noise_seeds`` names parameters that differ by row.
+    """``limits`` are the greatest good values of outcomes, SI, ``limit_units`` what they are written in;
+    ``noise_seeds`` names parameters that differ by row.
 
     ``document`` is the study as it was written, which workers read once more.
     """
@@ -57,6 +59,7 @@ class Study:
     parameters: tuple[Parameter, ...]
     outcomes: Mapping[str, Expression]
     limits: Mapping[str, float]
+    limit_units: Mapping[str, str]
     design: Design
     judging: Judging
     noise_seeds: tuple[str, ...]
@@ -109,8 +112,10 @@ def read_study(path: str | Path) -> Study:
         raise StudyError(f"{path}: {error}") from None
 
 
-def study_of(document: Document, base: str | Path = ".") -> Study:
+def study_of(document: Document, base: str | Path = ".", *, system_at_hand: bool = False) -> Study:
     """A study out of the tables of its file; ``base`` is the folder that paths count from.
+
+    ``system_at_hand``: the system has been read and is not looked for, as in a worker elsewhere.
 
     Raises:
         StudyError: something is missing or wrong.
@@ -121,25 +126,25 @@ def study_of(document: Document, base: str | Path = ".") -> Study:
     parameters = tuple(read_parameter(name, given) for name, given in _flat(_table(document, "parameters")))
     if not parameters:
         raise StudyError("[parameters] is empty; write \"z_drive.position_gain\" = { from = 30, to = 80 }")
-    system = _system(about.get("system", DEFAULT_SYSTEM), Path(base))
+    given = about.get("system", DEFAULT_SYSTEM)
+    system = given if system_at_hand and given != NO_SYSTEM else _system(given, Path(base))
     fixed = dict(_flat(_table(document, "fixed")))
-    noise_seeds = tuple(about.get("noise_seeds", ()))
-    _check_names(parameters, fixed, noise_seeds)
+    noise_seeds = _names(about, "noise_seeds")
+    _check_names(parameters, fixed, noise_seeds, _table(document, "outcomes"))
     outcomes = _outcomes(_table(document, "outcomes"))
-    limits = {name: number(value, f"[limits] {name}") for name, value in _table(document, "limits").items()}
-    for name in limits:
-        if name not in outcomes:
-            raise StudyError(f"[limits]: no outcome is called {name!r}{nearest(name, outcomes)}")
+    limits = _limits(_table(document, "limits"), outcomes)
     design = _design(about, parameters, document.get("correlations", ()))
     study = Study(
         name=str(about.get("name", "study")), parameters=parameters, outcomes=outcomes, limits=limits, design=design,
+        limit_units={name: found for name, value in _table(document, "limits").items()
+                     if (found := written_unit(value))},
         judging=_judging(about), noise_seeds=noise_seeds, document=_settled(document, system),
         run=Run(system, fixed, _seconds(about, "stop_time"), _seconds(about, "step_size"), about.get("flavor"),
                 _angles(about), _truth(about, "share_beginnings", True)))
-    unknown = sorted(set(study.recorded)) if system is None else []
+    unknown = sorted(set(study.recorded) - set(fixed)) if system is None else []
     if unknown:
         raise StudyError(f"outcome: a study without a system knows parameters only, not {unknown[0]!r}"
-                         f"{nearest(unknown[0], study.columns)}")
+                         f"{nearest(unknown[0], [*study.columns, *fixed])}")
     return study
 
 
@@ -167,33 +172,9 @@ def _design(about: Document, parameters: Sequence[Parameter], correlations: obje
     if kind not in DESIGNS:
         raise StudyError(f"[study] design: {kind!r} is not known{nearest(str(kind), DESIGNS)}")
     samples, seed = (_whole(about, name) for name in ("samples", "seed"))
-    design = Design(kind, samples, seed, _correlation(parameters, correlations))
+    design = Design(kind, samples, seed, correlation_of(parameters, correlations))
     check_design(design, parameters)
     return design
-
-
-def _correlation(parameters: Sequence[Parameter], given: object) -> FloatArray | None:
-    """[[correlations]] of pairs, as a matrix; None where there are none."""
-    if not given:
-        return None
-    names = [one.name for one in parameters]
-    matrix = np.eye(len(names))
-    if not isinstance(given, Sequence):
-        raise StudyError("correlations: write [[correlations]] with between = [\"a\", \"b\"] and value = 0.5")
-    for one in given:
-        if not isinstance(one, Mapping) or set(one) != {"between", "value"} or len(one["between"]) != 2:
-            raise StudyError("correlations: write [[correlations]] with between = [\"a\", \"b\"] and value = 0.5")
-        for name in one["between"]:
-            if name not in names:
-                raise StudyError(f"correlations: no parameter {name!r}{nearest(name, names)}")
-        value = number(one["value"], "correlations")
-        if not -1.0 < value < 1.0:
-            raise StudyError(f"correlations: {value:g} does not lie between -1 and 1")
-        first, second = (names.index(name) for name in one["between"])
-        if first == second:
-            raise StudyError(f"correlations: {one['between'][0]} stands on both sides")
-        matrix[first, second] = matrix[second, first] = value
-    return matrix
 
 
 def _outcomes(given: Document) -> dict[str, Expression]:
@@ -208,16 +189,28 @@ def _outcomes(given: Document) -> dict[str, Expression]:
     return {name: Expression(text, f"outcome {name}") for name, text in given.items()}
 
 
+def _limits(given: Document, outcomes: Document) -> dict[str, float]:
+    for name in given:
+        if name not in outcomes:
+            raise StudyError(f"[limits]: no outcome is called {name!r}{nearest(name, outcomes)}")
+    limits = {name: number(value, f"[limits] {name}") for name, value in given.items()}
+    for name, limit in limits.items():
+        if limit < 0.0:
+            raise StudyError(f"[limits] {name}: {limit:g} is the greatest absolute value, which is never negative")
+    return limits
+
+
 def _judging(about: Document) -> Judging:
     limit = about.get("pitch_limit")
-    uncertainty = number(about.get("uncertainty", Judging.uncertainty), "[study] uncertainty")
-    found = Judging(None if limit is None else number(limit, "[study] pitch_limit"), uncertainty)
+    uncertainty = number(about.get("uncertainty", Judging.uncertainty), "[study] uncertainty", measures="m")
+    found = Judging(None if limit is None else number(limit, "[study] pitch_limit", measures="m"), uncertainty)
     if uncertainty <= 0.0 or (found.pitch_limit is not None and found.pitch_limit <= 0.0):
         raise StudyError("[study]: pitch_limit and uncertainty must be positive")
     return found
 
 
-def _check_names(parameters: Sequence[Parameter], fixed: Document, noise_seeds: Sequence[str]) -> None:
+def _check_names(parameters: Sequence[Parameter], fixed: Document, noise_seeds: Sequence[str],
+                 outcomes: Document) -> None:
     names = [*(one.name for one in parameters), *fixed, *noise_seeds]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -225,6 +218,11 @@ def _check_names(parameters: Sequence[Parameter], fixed: Document, noise_seeds: 
     taken = sorted(set(names) & {*STATISTICS, *FUNCTIONS, *_RESERVED})
     if taken:
         raise StudyError(f"parameter {taken[0]!r}: the name has a meaning of its own; take another")
+
+
+    both = sorted({one.name for one in parameters} & set(outcomes))
+    if both:
+        raise StudyError(f"{both[0]!r} is the name of a parameter and of an outcome; call the outcome something else")
 
 
 def _check_words(table: Document, known: set[str], where: str) -> None:
@@ -251,6 +249,13 @@ def _flat(table: Document, owner: str = "") -> list[tuple[str, Any]]:
     return found
 
 
+def _names(about: Document, name: str) -> tuple[str, ...]:
+    given = about.get(name, [])
+    if not isinstance(given, list | tuple) or not all(isinstance(one, str) for one in given):
+        raise StudyError(f"[study] {name}: write a list of names, such as [\"spindle.noise_seed\"]")
+    return tuple(given)
+
+
 def _whole(about: Document, name: str) -> int:
     value = about.get(name, 0)
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
@@ -266,7 +271,7 @@ def _truth(about: Document, name: str, otherwise: bool) -> bool:
 
 
 def _seconds(about: Document, name: str) -> float | None:
-    return None if name not in about else number(about[name], f"[study] {name}")
+    return None if name not in about else number(about[name], f"[study] {name}", measures="s")
 
 
 def _angles(about: Document) -> tuple[float, ...] | None:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import time as clock
+import uuid
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from threadpitch.studies import worker
-from threadpitch.studies.definition import Study
+from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import FAILED, Evaluator, Outcome
+from threadpitch.studies.parcel import Parcel
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -28,13 +31,34 @@ def in_this_process(evaluator: Evaluator, rows: Sequence[int]) -> Iterator[list[
         yield [outcome]
 
 
+@contextlib.contextmanager
+def sent(client: Client, parcel: Parcel) -> Iterator[str]:
+    """All workers have the parcel, under this name, until the end.
+
+    Raises:
+        StudyError: a worker cannot take it.
+    """
+    from threadpitch.studies.delivery import Delivery  # needs Dask
+
+    name = f"threadpitch-{uuid.uuid4().hex}"
+    try:
+        client.register_plugin(Delivery(name, parcel), name=name)
+    except Exception as error:  # whatever a worker with other software, or a full disk, comes to
+        raise StudyError(f"a worker cannot take the study ({type(error).__name__}: {' '.join(str(error).split())}); "
+                         "give workers the same threadpitch, and room on their disk") from None
+    try:
+        yield name
+    finally:
+        with contextlib.suppress(Exception):  # workers and scheduler may be gone, and the parcel with them
+            client.unregister_worker_plugin(name)
+
+
 @dataclass
 class OnDask:
-    """The rows of one study on a cluster. ``components`` are the FMUs' contents, which workers compare theirs with."""
+    """The rows of one study on a cluster, whose workers have it under the name of its ``parcel``."""
 
     client: Client
-    study: Study
-    components: Any
+    parcel: str
 
     def outcomes(self, rows: Sequence[int]) -> Generator[list[Outcome], None, None]:
         """The outcomes of the rows, task by task as they are done; leaving cancels what is under way.
@@ -68,8 +92,7 @@ class OnDask:
                 self.client.cancel(list(under_way), force=True)
 
     def _submit(self, rows: list[int]) -> Future:
-        return self.client.submit(worker.compute, self.study.document, self.study.digest, self.components, rows,
-                                  pure=False)
+        return self.client.submit(worker.compute, self.parcel, rows, pure=False)
 
     def _threads(self) -> int:
         threads: int = sum(self.client.nthreads().values())

@@ -51,11 +51,14 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "all": np.all, "first": lambda values: np.ravel(values)[0], "last": lambda values: np.ravel(values)[-1],
     "range": np.ptp, "percentile": np.percentile,
 }
+_MANY = 100
+_ARGUMENTS: Mapping[str, tuple[int, int]] = {  # least and most values of a function; of all others one
+    "hypot": (2, 2), "percentile": (2, 2), "min": (1, _MANY), "max": (1, _MANY)}
 CONSTANTS: Mapping[str, Any] = {"pi": math.pi, "true": True, "false": False}
 
 
 class Expression:
-    """A parsed text; ``names`` are the quantities that it needs.
+    """A parsed text, ``tree``; ``names`` are the quantities that it needs.
 
     Raises (the class itself):
         StudyError: it is no such expression.
@@ -67,10 +70,13 @@ class Expression:
         if len(text) > LONGEST:
             raise self._error(f"is longer than {LONGEST} characters")
         try:
-            self._tree = ast.parse(text.strip(), mode="eval").body
+            self.tree = ast.parse(text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise self._error("is no expression; write it like max(abs(z_drive.following_error))") from None
-        self.names = frozenset(self._look(self._tree))
+        try:
+            self.names = frozenset(self._look(self.tree))
+        except RecursionError:
+            raise self._error("is nested too deeply; write it as several outcomes") from None
 
     def __call__(self, quantity: Callable[[str], Quantity]) -> float | bool | str:
         """The value: one number, truth value or text.
@@ -80,7 +86,9 @@ class Expression:
         """
         try:
             with np.errstate(all="ignore"):  # what is not finite stays so, and is told by the row
-                found = self._value(self._tree, quantity)
+                found = self._value(self.tree, quantity)
+        except StudyError as error:  # of a quantity, in words of its own
+            raise StudyError(f"{self._where}: {error}") from None
         except (TypeError, ValueError, ZeroDivisionError, OverflowError) as error:
             raise self._error(f"cannot be computed: {' '.join(str(error).split())}") from None
         if isinstance(found, str):
@@ -91,7 +99,7 @@ class Expression:
 
     def _look(self, node: ast.AST) -> Iterator[str]:
         """The names in a tree that holds only what is known."""
-        name = self._name(node)
+        name = name_of(node)
         if name is not None:
             if name in FUNCTIONS:
                 raise self._error(f"names the function {name} without (...)")
@@ -114,31 +122,17 @@ class Expression:
             case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]):
                 if function not in FUNCTIONS:
                     raise self._error(f"has no function {function!r}{nearest(function, FUNCTIONS)}")
+                least, most = _ARGUMENTS.get(function, (1, 1))
+                if not least <= len(arguments) <= most:
+                    raise self._error(f"gives {function} {len(arguments)} values; it takes {_said(least, most)}")
                 parts = arguments
             case _:
                 raise self._error(f"holds {ast.unparse(node)!r}, which is not arithmetic")
         for part in parts:
             yield from self._look(part)
 
-    def _name(self, node: ast.AST) -> str | None:
-        """``a.b[1]`` as one name; None for what is none."""
-        match node:
-            case ast.Name(id=name):
-                return name
-            case ast.Attribute(value=owner, attr=word):
-                before = self._name(owner)
-                return None if before is None else f"{before}.{word}"
-            case ast.Subscript(value=owner, slice=index):
-                before = self._name(owner)
-                numbers = index.elts if isinstance(index, ast.Tuple) else [index]
-                if before is None or not all(isinstance(one, ast.Constant) and type(one.value) is int
-                                             for one in numbers):
-                    return None
-                return f"{before}[{','.join(ast.unparse(one) for one in numbers)}]"
-        return None
-
     def _value(self, node: ast.AST, quantity: Callable[[str], Quantity]) -> Quantity:
-        name = self._name(node)
+        name = name_of(node)
         if name is not None:
             return CONSTANTS[name] if name in CONSTANTS else quantity(name)
         match node:
@@ -163,3 +157,25 @@ class Expression:
 
     def _error(self, what: str) -> StudyError:
         return StudyError(f"{self._where}: {self.text[:80]!r} {what}")
+
+
+def _said(least: int, most: int) -> str:
+    return str(least) if least == most else f"{least} or more"
+
+
+def name_of(node: ast.AST) -> str | None:
+    """``a.b[1]`` as one name; None for what is none."""
+    match node:
+        case ast.Name(id=name):
+            return name
+        case ast.Attribute(value=owner, attr=word):
+            before = name_of(owner)
+            return None if before is None else f"{before}.{word}"
+        case ast.Subscript(value=owner, slice=index):
+            before = name_of(owner)
+            numbers = index.elts if isinstance(index, ast.Tuple) else [index]
+            if before is None or not all(isinstance(one, ast.Constant) and type(one.value) is int
+                                         for one in numbers):
+                return None
+            return f"{before}[{','.join(ast.unparse(one) for one in numbers)}]"
+    return None

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from threadpitch.fmu.cache import write_file
-from threadpitch.studies.definition import Study
+from threadpitch.studies.definition import Study, study_of
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import FAILED, OK, Outcome
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 METADATA = b"threadpitch"
 TABLE, DOCUMENT, ROWS = "study.parquet", "study.json", "rows"
+OWN = ("name", "rows", "seed", "digest", "study")  # of the document, besides what tells of the provenance
 _WAIT = 2.0  # s that a row waits for others before it is written
 _TEXTS = 40  # bytes of a row: status, reason, and what Parquet adds
 _PART = "part-{:08d}-{}.parquet"
@@ -43,6 +44,26 @@ def arrow() -> Any:
     except ImportError:
         raise StudyError("studies need pyarrow, which is not installed; pip install 'threadpitch[study]'") from None
     return pyarrow
+
+
+def is_study(path: Path) -> bool:
+    """Whether it is the folder of a study."""
+    return (path / DOCUMENT).is_file() and (path / ROWS).is_dir()
+
+
+def kept_study(path: Path) -> tuple[Study, dict[str, Any]]:
+    """The study that a folder holds, and what is known of it: ``study.json``.
+
+    Raises:
+        StudyError: there is none, or it is damaged.
+    """
+    try:
+        document = json.loads((path / DOCUMENT).read_text(encoding="utf-8"))
+        return study_of(document["study"], system_at_hand=True), document
+    except FileNotFoundError:
+        raise StudyError(f"{path}: holds no study; give the folder that 'threadpitch study --output' wrote") from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise StudyError(f"{path / DOCUMENT}: is damaged ({' '.join(str(error).split())})") from None
 
 
 class Folder:
@@ -107,17 +128,21 @@ class Folder:
             OSError: the folder cannot be written.
         """
         self.flush()
-        table = self._table([self.done[row] for row in sorted(self.done)], with_parameters=True)
-        table = table.replace_schema_metadata({METADATA: json.dumps(self._document, sort_keys=True)})
+        table = self.table()
         if not self.missing:
             self._write(self.path / TABLE, table)
         return table
+
+    def table(self) -> pyarrow.Table:
+        """The table of all rows that are done, in their order."""
+        table = self._table([self.done[row] for row in sorted(self.done)], with_parameters=True)
+        return table.replace_schema_metadata({METADATA: json.dumps(self._document, sort_keys=True)})
 
     def _check(self) -> None:
         """The folder is new, or holds rows of this study that the same FMUs computed."""
         path = self.path / DOCUMENT
         if not path.is_file():
-            write_file(path, json.dumps(self._document, indent=1, sort_keys=True).encode())
+            write_file(path, json.dumps(self._document, indent=1).encode())
             return
         try:
             before = json.loads(path.read_text(encoding="utf-8"))
@@ -130,6 +155,8 @@ class Folder:
             if before.get(name) != json.loads(json.dumps(self._document.get(name))):
                 raise StudyError(f"{self.path}: its rows were computed with other {name}; choose another --output, or "
                                  "remove it")
+        if before != json.loads(json.dumps(self._document)):  # other limits: the rows stay what they are
+            write_file(path, json.dumps(self._document, indent=1).encode())
 
     def _read(self) -> dict[int, Outcome]:
         """The rows of all parts; of a row that failed and was computed once more, the better."""

@@ -12,13 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from threadpitch.fmu.cache import write_file
-from threadpitch.studies.analysis import Analysis, analysis_document, analyze
+from threadpitch.studies.analysis import Analysis, analyze
 from threadpitch.studies.cluster import available_cores, connected
 from threadpitch.studies.definition import Document, Study, read_study, study_of
+from threadpitch.studies.document import analysis_document
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import Evaluator, Outcome
-from threadpitch.studies.execution import OnDask, in_this_process
-from threadpitch.studies.keeping import Folder, folder_size
+from threadpitch.studies.execution import OnDask, in_this_process, sent
+from threadpitch.studies.keeping import OWN, Folder, folder_size, kept_study
+from threadpitch.studies.parcel import Parcel
+from threadpitch.studies.shown_units import Units
 
 if TYPE_CHECKING:
     import pyarrow
@@ -42,18 +45,27 @@ class Place:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """``table`` has a row for every run that is done: row, parameters (SI), outcomes, status, reason."""
+    """``table`` has a row for every run that is done: row, parameters (SI), outcomes (SI), status, reason.
+
+    ``units`` are those that people read them in.
+    """
 
     study: Study
     table: pyarrow.Table
     analysis: Analysis
     folder: Path
     missing: int
+    units: Units
 
     @property
     def complete(self) -> bool:
         """Whether all rows are there."""
         return self.missing == 0
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """What it shows, as ``--json`` prints it."""
+        return analysis_document(self.study, self.analysis, self.units)
 
 
 @dataclass(frozen=True)
@@ -83,27 +95,43 @@ def study(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUT
         raise StudyError("the study has no [cluster]; write one with kind = \"slurm\", jobs, cores, memory, walltime")
     with Evaluator(chosen) as evaluator:
         evaluator.check()
-        described = evaluator.describe()
-        folder = Folder(output, chosen, described)
+        folder = Folder(output, chosen, evaluator.describe())
         if retry_failed:
             folder.forget_failed()
         rows = [row for row in _of_shard(evaluator, place) if row not in folder.done]
         try:
-            for outcomes in _computed(evaluator, place, rows, described.get("components")):
+            for outcomes in _computed(evaluator, place, rows):
                 folder.add(outcomes)
                 if progress is not None:
                     progress(len(folder.done), len(chosen.rows))
         finally:
             folder.flush()
+        shown = evaluator.units
     table = folder.finish()
-    found = analyze(chosen, table.to_pydict())
-    if not folder.missing:
-        write_file(folder.path / ANALYSIS, json.dumps(analysis_document(found), indent=1).encode())
-    return StudyResult(chosen, table, found, folder.path, len(folder.missing))
+    result = StudyResult(chosen, table, analyze(chosen, table.to_pydict()), folder.path, len(folder.missing),
+                         shown)
+    if result.complete:
+        write_file(folder.path / ANALYSIS, json.dumps(result.document, indent=1).encode())
+    return result
+
+
+def kept(path: str | Path) -> StudyResult:
+    """The study that a folder holds, with the rows that are done; nothing is computed.
+
+    Raises:
+        StudyError: the folder holds none, or a file in it is damaged.
+    """
+    chosen, document = kept_study(Path(path))
+    folder = Folder(path, chosen, {name: value for name, value in document.items() if name not in OWN})
+    if not folder.done:
+        raise StudyError(f"{path}: no row of the study is done yet")
+    table = folder.table()
+    return StudyResult(chosen, table, analyze(chosen, table.to_pydict()), folder.path, len(folder.missing),
+                       document.get("units", {}))
 
 
 def row(definition: str | Path | Document, number: int) -> tuple[Mapping[str, Any], Outcome]:
-    """Parameters and outcomes of one row alone, to the same bits as in the study.
+    """Parameters and outcomes of one row alone, SI, to the same bits as in the study.
 
     Raises:
         StudyError: there is no such row; and as ``study``.
@@ -113,6 +141,17 @@ def row(definition: str | Path | Document, number: int) -> tuple[Mapping[str, An
         raise StudyError(f"there is no row {number}; the study has rows 0 to {len(chosen.rows) - 1}")
     with Evaluator(chosen) as evaluator:
         return chosen.rows[number], next(evaluator.outcomes([number]))
+
+
+def units(definition: str | Path | Document) -> Units:
+    """The units that people read a study's parameters and outcomes in.
+
+    Raises:
+        StudyError, cosim.CosimError: as ``study``.
+    """
+    chosen = study_of(definition) if isinstance(definition, Mapping) else read_study(definition)
+    with Evaluator(chosen) as evaluator:
+        return evaluator.units
 
 
 def estimate(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTPUT,
@@ -160,8 +199,7 @@ def _workers(place: Place) -> int:
     return max(1, available_cores() if place.workers is None else place.workers)
 
 
-def _computed(evaluator: Evaluator, place: Place, rows: list[int],
-              components: Any) -> Generator[list[Outcome], None, None]:
+def _computed(evaluator: Evaluator, place: Place, rows: list[int]) -> Generator[list[Outcome], None, None]:
     """The outcomes as they come."""
     if not rows:
         return
@@ -170,6 +208,7 @@ def _computed(evaluator: Evaluator, place: Place, rows: list[int],
         yield from in_this_process(evaluator, rows)
         return
     cluster = evaluator.study.document.get("cluster", {}) if place.queue else {}
-    with connected(_workers(place), place.scheduler, cluster) as client, contextlib.closing(
-            OnDask(client, evaluator.study, components).outcomes(rows)) as outcomes:
+    parcel = Parcel.of(evaluator, with_fmus=place.scheduler is not None or place.queue)
+    with (connected(_workers(place), place.scheduler, cluster) as client, sent(client, parcel) as name,
+          contextlib.closing(OnDask(client, name).outcomes(rows)) as outcomes):
         yield from outcomes

@@ -13,22 +13,27 @@ from numpy.typing import NDArray
 
 from threadpitch.cosim.system import nearest
 from threadpitch.studies.errors import StudyError
-from threadpitch.studies.quantity import Level, level, number
+from threadpitch.studies.quantity import Level, common_unit, level, number
 
 FloatArray = NDArray[np.float64]
 
 LEVELS = 5  # of a distribution in a grid
+MOST_LEVELS = 1_000_000
 _RANGE = {"from", "to", "count", "log"}
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """``values`` in SI, names or truth values; or a frozen distribution of ``scipy.stats``, with its ``levels``."""
+    """``values`` in SI, names or truth values; or a frozen distribution of ``scipy.stats``, with its ``levels``.
+
+    ``unit`` is the one that they are written with in the study.
+    """
 
     name: str
     values: tuple[Level, ...] = ()
     law: Any = None
     count: int = LEVELS
+    unit: str | None = None
 
     @property
     def drawn(self) -> bool:
@@ -95,20 +100,24 @@ def _listed(name: str, given: Sequence[object]) -> Parameter:
         raise StudyError(f"parameter {name}: has {'one of its values twice' if values else 'no values'}")
     if len({type(value) for value in values}) > 1:
         raise StudyError(f"parameter {name}: mixes numbers, texts and truth values; take one kind")
-    return Parameter(name, values)
+    return Parameter(name, values, unit=common_unit(given, f"parameter {name}"))
 
 
 def _ranged(name: str, given: Mapping[str, Any]) -> Parameter:
     """From one number to another: with a count equally spaced values, without one a uniform distribution."""
     low, high = (number(given[word], f"parameter {name}: {word}") for word in ("from", "to"))
     log, count = given.get("log", False), given.get("count")
+    written = common_unit((given["from"], given["to"]), f"parameter {name}")
+    if not isinstance(log, bool):
+        raise StudyError(f"parameter {name}: log: {log!r} is neither true nor false")
     if not low < high or (log and low <= 0.0):
         raise StudyError(f"parameter {name}: 'from' must be {'positive and ' if log else ''}less than 'to'")
     if count is not None:
         _check_count(name, count)
         values = np.geomspace(low, high, count) if log else np.linspace(low, high, count)
-        return Parameter(name, tuple(float(value) for value in values))
-    return Parameter(name, law=scipy.stats.loguniform(low, high) if log else scipy.stats.uniform(low, high - low))
+        return Parameter(name, tuple(float(value) for value in values), unit=written)
+    law = scipy.stats.loguniform(low, high) if log else scipy.stats.uniform(low, high - low)
+    return Parameter(name, law=law, unit=written)
 
 
 def _distributed(name: str, given: Mapping[str, Any]) -> Parameter:
@@ -122,17 +131,19 @@ def _distributed(name: str, given: Mapping[str, Any]) -> Parameter:
     family = getattr(scipy.stats, word)
     shapes = [one.strip() for one in (family.shapes or "").split(",") if one.strip()]
     wanted = set(given) - {"distribution", "levels"}
-    known = {*shapes, "loc", *({"scale"} if isinstance(family, scipy.stats.rv_continuous) else ())}
-    if not set(shapes) <= wanted <= known:
-        raise StudyError(f"parameter {name}: {word} takes {', '.join(sorted(known))}, and needs "
-                         f"{', '.join(shapes) or 'none of them'}")
+    known = [*shapes, "loc", *(["scale"] if isinstance(family, scipy.stats.rv_continuous) else [])]
+    for unknown in sorted(wanted - set(known)):
+        raise StudyError(f"parameter {name}: {word} has no {unknown!r}; it takes {', '.join(known)}")
+    for missing in (shape for shape in shapes if shape not in wanted):
+        raise StudyError(f"parameter {name}: {word} needs {missing!r}; it takes {', '.join(known)}")
     values = {one: number(given[one], f"parameter {name}: {one}", difference=one != "loc") for one in wanted}
     law = family(**values)
     if not (math.isfinite(law.ppf(0.5)) and math.isfinite(law.ppf(0.001))):
         raise StudyError(f"parameter {name}: {word} does not exist with {values}; see scipy.stats.{word}")
-    return Parameter(name, law=law, count=count)
+    written = common_unit((given[one] for one in ("loc", "scale") if one in given), f"parameter {name}")
+    return Parameter(name, law=law, count=count, unit=written)
 
 
 def _check_count(name: str, count: object) -> None:
-    if not isinstance(count, int) or isinstance(count, bool) or count < 2:
-        raise StudyError(f"parameter {name}: {count!r} levels are none; give 2 or more")
+    if not isinstance(count, int) or isinstance(count, bool) or not 2 <= count <= MOST_LEVELS:
+        raise StudyError(f"parameter {name}: {count!r} is no number of levels; give 2 to {MOST_LEVELS:,}")

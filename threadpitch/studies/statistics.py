@@ -22,6 +22,7 @@ from threadpitch.studies.errors import StudyError
 FloatArray = NDArray[np.float64]
 
 CALCULATORS = {"nominal": NOMINAL, "actual": ACTUAL}
+NEED_LIMIT = (".share_out_of_limit", ".first_good_turn")  # of a pitch
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,8 @@ class ThreadStatistics:
             raise StudyError(f"the system has no {CALCULATORS[calculator]}")
         found = [np.where(one.in_metal, one.deviation, np.nan) for one in self._final(calculator)]
         if not any(np.isfinite(one).any() for one in found):
-            reason = "no turn lies in the metal" if found else self._simulation.why_no_turn()
+            reason = "no turn lies in the metal until the end; choose a longer stop time" if found else \
+                self._simulation.why_no_turn()
             raise StudyError(f"{calculator}: {reason}")
         return found
 
@@ -131,3 +133,6 @@ _OF_DEVIATIONS: Mapping[str, Callable[[ThreadStatistics, list[FloatArray]], floa
     "turns": lambda _, deviations: float(max(int(np.isfinite(one).sum(axis=1).max()) for one in deviations)),
 }
 STATISTICS = (*(f"{calculator}.{word}" for calculator in CALCULATORS for word in _OF_DEVIATIONS), "cause")
+_NUMBERS = {"share_out_of_limit": "%", "first_good_turn": "1", "turns": "1"}
+STATISTIC_UNITS = {f"{calculator}.{word}": _NUMBERS.get(word, "um") for calculator in CALCULATORS
+                   for word in _OF_DEVIATIONS}  # that people read them in; "cause" is a word

@@ -12,7 +12,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -26,7 +26,9 @@ from threadpitch.studies.cluster import available_cores, connected
 from threadpitch.studies.definition import Document, Study, read_study, study_of
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import FAILED, OK, Evaluator, Outcome
-from threadpitch.studies.execution import DIED
+from threadpitch.studies.execution import DIED, sent
+from threadpitch.studies.parcel import Parcel
+from threadpitch.studies.shown_units import Units
 
 FloatArray = NDArray[np.float64]
 Point: TypeAlias = tuple[float, ...]  # the parameters' values, in their order
@@ -51,6 +53,7 @@ class Tuning:
     within_limits: bool
     evaluations: int
     folder: Path
+    units: Units = field(default_factory=dict)  # that people read them in
 
 
 def tune(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTPUT, workers: int | None = None,
@@ -74,10 +77,11 @@ def tune(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTP
         compute = _here(evaluator)
         if workers != 0:
             client = stack.enter_context(connected(workers or available_cores(), None, {}))
-            compute = _on_dask(client, study, evaluator.describe().get("components"))
+            compute = _on_dask(client, study, stack.enter_context(sent(client, Parcel.of(evaluator))))
         search = _Search(study, goal, most, _History(Path(output), study), compute, progress)
         search.run(bounds)
-    return search.result()
+        units = evaluator.units
+    return replace(search.result(), units=units)
 
 
 class _Enough(Exception):  # noqa: N818 -- no error: the points that were granted are computed
@@ -228,9 +232,9 @@ def _here(evaluator: Evaluator) -> Compute:
                            for number, point in enumerate(points)]
 
 
-def _on_dask(client: Any, study: Study, components: Any) -> Compute:
+def _on_dask(client: Any, study: Study, parcel: str) -> Compute:
     def compute(points: Sequence[Point]) -> list[Outcome]:
-        evaluate = functools.partial(worker.evaluate, study.document, study.digest, components)
+        evaluate = functools.partial(worker.evaluate, parcel)
         futures = client.map(evaluate, [_row(study, point) for point in points], pure=False)
         return [_outcome_of(future) for future in futures]
 

@@ -6,40 +6,56 @@ import atexit
 import tempfile
 import threading
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
 
-from threadpitch.studies.definition import Document, study_of
+from threadpitch.studies.definition import study_of
 from threadpitch.studies.design import Row
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import Evaluator, Outcome
+from threadpitch.studies.parcel import Parcel
 
 _here = threading.local()  # of every thread: instances of FMUs are stepped by the thread that made them
+_parcels: dict[str, Parcel] = {}  # of this process, by the names under which they were sent
 
 
-def compute(document: Document, digest: str, components: Any, rows: Sequence[int]) -> list[Outcome]:
-    """The outcomes of these rows of the study that the document describes.
-
-    ``components`` are the FMUs by content that the client has: a worker elsewhere must have the same.
+def put(name: str, parcel: Parcel, folder: Path) -> None:
+    """Keep a parcel under this name, its FMUs in the folder.
 
     Raises:
-        StudyError: this machine draws other rows, or has other FMUs.
+        OSError: the folder cannot be written.
     """
-    return list(_evaluator(document, digest, components).outcomes(rows))
+    _parcels[name] = parcel.unpacked(folder)
 
 
-def evaluate(document: Document, digest: str, components: Any, row: Row) -> Outcome:
+def forget(name: str) -> None:
+    """Forget the parcel of this name."""
+    _parcels.pop(name, None)
+
+
+def compute(name: str, rows: Sequence[int]) -> list[Outcome]:
+    """The outcomes of these rows of the study in the parcel of this name.
+
+    Raises:
+        StudyError: this machine draws other rows, or its FMUs are not those of the client.
+    """
+    return list(_evaluator(name).outcomes(rows))
+
+
+def evaluate(name: str, row: Row) -> Outcome:
     """The outcomes for parameters that are no row of the study; as ``compute``."""
-    return _evaluator(document, digest, components).outcome(0, row)
+    return _evaluator(name).outcome(0, row)
 
 
-def _evaluator(document: Document, digest: str, components: Any) -> Evaluator:
+def _evaluator(name: str) -> Evaluator:
     """That of this thread, with the FMUs loaded."""
-    evaluator: Evaluator | None = getattr(_here, "evaluator", None)
-    if evaluator is None or evaluator.study.digest != digest:
-        if evaluator is not None:
-            evaluator.close()
-        evaluator = _here.evaluator = _new(document, digest, components)
-        atexit.register(evaluator.close)
+    known: tuple[str, Evaluator] | None = getattr(_here, "known", None)
+    if known is not None and known[0] == name:
+        return known[1]
+    if known is not None:
+        known[1].close()
+    evaluator = _new(name)
+    _here.known = name, evaluator
+    atexit.register(evaluator.close)
     return evaluator
 
 
@@ -50,14 +66,15 @@ def _unpack_into_own_folder() -> None:
     tempfile.tempdir = get_worker().local_directory
 
 
-def _new(document: Document, digest: str, components: Any) -> Evaluator:
+def _new(name: str) -> Evaluator:
+    if name not in _parcels:
+        raise StudyError("a worker did not get the study; look for the reason in the worker's log")
+    parcel = _parcels[name]
     _unpack_into_own_folder()
-    study = study_of(document)
-    evaluator = Evaluator(study)
-    if study.digest != digest:
+    study = study_of(parcel.document, system_at_hand=True)
+    evaluator = Evaluator(study, parcel.system)
+    if study.digest != parcel.digest:
         raise StudyError("a worker draws other rows from the same seed; give it the same versions of NumPy and SciPy")
-    if evaluator.describe().get("components") != components:
-        raise StudyError("a worker has other FMUs than the client; let both use the same threadpitch, system and "
-                         "compiler (or an .ssp that holds the FMUs)")
+    if evaluator.describe().get("components") != parcel.components:
+        raise StudyError("a worker has other FMUs than the client: they were changed meanwhile; begin once more")
     return evaluator
-
