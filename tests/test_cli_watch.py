@@ -130,10 +130,10 @@ def test_a_growing_file_gives_the_pitches_of_the_finished_one(tmp_path: Path) ->
     assert found == [1e3 * value for value in whole.table.pitch[0].tolist()]
 
 
-def test_a_time_without_growth_is_positive(threadpitch: Command) -> None:
+def test_a_time_without_growth_is_not_negative(threadpitch: Command) -> None:
     outcome = threadpitch("watch", "log.csv", "--idle", "-1")
     assert outcome.status == 2
-    assert_one_line(outcome.err, "--idle is -1 s; give a positive time")
+    assert_one_line(outcome.err, "--idle is -1 s; give 0 or more")
 
 
 def test_a_packed_file_cannot_be_watched(tmp_path: Path, threadpitch: Command) -> None:

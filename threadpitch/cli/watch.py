@@ -48,8 +48,8 @@ def watch(
     """Print each movement per revolution, with running minimum, maximum and mean, while the machine runs."""
     choice, signals = of_log.choice(), of_log.signals(target)
     starts = radians(start_angle or [0.0])
-    if idle is not None and idle <= 0.0:
-        raise TraceError(f"--idle is {idle:g} s; give a positive time")
+    if idle is not None and idle < 0.0:
+        raise TraceError(f"--idle is {idle:g} s; give 0 or more")
     thread_pitch([0.0, TURN, 2.0 * TURN], [0.0, 1.0, 2.0])  # what is compiled is loaded before the first sample comes
     kept = Asked(store, tuple(publish or ()), Labels(machine, program_name, thread, serial, note))
     with keeping_run(kept, "log", str(log)) as keeper:
