@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -144,7 +145,9 @@ def test_turns_that_a_wrapped_angle_lost_are_refused(tmp_path: Path, monkeypatch
         with pytest.raises(TraceError, match=r"wraps at 360, went round about [34]\.\d times: part the recording"):
             stream_pitches(path, ColumnChoice(), (0.0,))
     continuous = write(tmp_path / "revs.csv", time=TIME[kept], revs=REVS[kept], z_mm=Z[kept])
-    assert read(continuous, ColumnChoice())[0].size == CONTINUOUS.size
+    pitch, notes = read(continuous, ColumnChoice())
+    assert pitch.size == CONTINUOUS.size
+    assert any(re.match(r"about [34]\.\d turns passed while samples were missing: their P", note) for note in notes)
 
 
 def test_missing_and_repeated_samples_are_listed(tmp_path: Path) -> None:
