@@ -186,8 +186,8 @@ class Clock:
             found.append(f"samples are missing in {self.gaps} places, {self.longest:.4g} s at most: crossings in there "
                          "are interpolated over them")
             if self.turned > TURN:
-                found.append(f"about {self.turned / TURN:.1f} turns passed while samples were missing: their P(n) are a "
-                             "mean over the gap, and tell nothing of each")
+                found.append(f"about {self.turned / TURN:.1f} turns passed while samples were missing: their P(n) are "
+                             "the mean over the gap, and tell nothing of each")
         return found
 
     def _gaps(self, steps: FloatArray) -> IntArray:
