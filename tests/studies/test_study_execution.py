@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import signal
@@ -20,6 +21,8 @@ import pytest
 from tests.benchmarks.bench_killed_workers import definition, own_workers
 from tests.conftest import Command
 from threadpitch import simulate, studies
+from threadpitch.diagnosis import diagnose
+from threadpitch.faults import read_fault
 from threadpitch.store import open_store
 from threadpitch.studies import Place, StudyError, study
 from threadpitch.studies.cluster import job_queue
@@ -178,6 +181,30 @@ def test_statistics_of_a_thread(tmp_path: Path) -> None:
     assert found["share"] == pytest.approx((inside > 2e-6).mean())
     assert found["cause"] == "mechanical"
     assert 1 <= found["first"] <= found["turns"] <= 20
+
+
+@pytest.mark.parametrize("given", [
+    {"controller.taper": "-0.4mm", "controller.z_end": "-12mm", "controller.x_surface": 0.0101},
+    dict(read_fault("hard_spot").parameters),
+], ids=["tapered", "fault"])
+def test_a_row_is_what_run_gives(tmp_path: Path, given: dict[str, Any]) -> None:
+    """Parameters, fixed or varied, in words or SI: pitches, groove and cause are those of a simulation by itself."""
+    varied = {"z_drive.position_gain": [20, 40], "controller.commanded_speed": ["700rpm"]}
+    document = {"study": {"stop_time": 2.2, "start_angles_deg": [0, 90]}, "parameters": varied, "fixed": given,
+                "outcomes": {"worst": "actual.max_deviation", "cause": "cause", "chip": "max(cutting.chip_thickness[1])",
+                             "depth": "max(cutting.groove_depth)", "torque": "sum(cutting.torque)"}}
+    rows = study(document, output=tmp_path, place=HERE).table.to_pylist()
+    for row in rows:
+        alone = simulate(parameters={**given, **{name: row[name] for name in varied}}, stop_time=2.2,
+                         start_angles=(0.0, math.radians(90.0)))
+        verdict, groove = diagnose(alone), alone.passes_of("actual_pitch")[0]
+        assert verdict is not None
+        assert row["cause"] == verdict.verdict.cause
+        assert row["worst"] == abs(groove.deviation[groove.in_metal]).max()
+        assert row["chip"] == alone["cutting.chip_thickness[1]"].max()
+        assert row["depth"] == alone["cutting.groove_depth"].max()
+        assert row["torque"] == alone["cutting.torque"].sum()
+    assert rows[0]["worst"] != rows[1]["worst"]
 
 
 def test_examples_are_studies() -> None:
