@@ -91,7 +91,7 @@ class Evaluator:
         """The outcomes for these parameters under this number, or why there are none.
 
         Raises:
-            KeyboardInterrupt: Ctrl-C or SIGTERM, when the row is over: compiled code does not survive it in its midst.
+            KeyboardInterrupt: Ctrl-C or SIGTERM. A row that runs ends between two of its steps, and is not done.
         """
         with HeldInterrupt() as held:
             found = self._outcome(number, row)
@@ -102,8 +102,8 @@ class Evaluator:
     def _outcome(self, number: int, row: Row) -> Outcome:
         try:
             return Outcome(number, self.values(row))
-        except cosim.SimulationInterrupted:
-            raise
+        except cosim.SimulationInterrupted as error:
+            raise KeyboardInterrupt if error.signal == signal.SIGINT else Terminated(error.signal) from None
         except _ROW_ERRORS as error:
             return Outcome(number, {}, FAILED, " ".join(str(error).split()))
 
