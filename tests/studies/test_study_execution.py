@@ -191,8 +191,8 @@ def test_a_row_is_what_run_gives(tmp_path: Path, given: dict[str, Any]) -> None:
     """Parameters, fixed or varied, in words or SI: pitches, groove and cause are those of a simulation by itself."""
     varied = {"z_drive.position_gain": [20, 40], "controller.commanded_speed": ["700rpm"]}
     document = {"study": {"stop_time": 2.2, "start_angles_deg": [0, 90]}, "parameters": varied, "fixed": given,
-                "outcomes": {"worst": "actual.max_deviation", "cause": "cause", "chip": "max(cutting.chip_thickness[1])",
-                             "depth": "max(cutting.groove_depth)", "torque": "sum(cutting.torque)"}}
+                "outcomes": {"worst": "actual.max_deviation", "cause": "cause",
+                             "chip": "max(cutting.chip_thickness[1])", "depth": "max(cutting.groove_depth)", "torque": "sum(cutting.torque)"}}
     rows = study(document, output=tmp_path, place=HERE).table.to_pylist()
     for row in rows:
         alone = simulate(parameters={**given, **{name: row[name] for name in varied}}, stop_time=2.2,
@@ -277,3 +277,21 @@ def test_command(threadpitch: Command, workplace: Path) -> None:
         assert refused.status == 2, arguments
         assert why in refused.err
         assert refused.err.count("\n") == 1
+
+
+def test_status_tells_of_rows_that_failed(threadpitch: Command, workplace: Path) -> None:
+    """All: 2, one line, and what was computed is kept. Some: 0, and how many."""
+    Path("study.toml").write_text('[study]\nsystem = "none"\n[parameters]\na = [2, 4, 5]\n[outcomes]\n'
+                                  'root = "sqrt(3 - a)"\n')
+    some = threadpitch("study", "study.toml", "--workers", 0, "--output", "some")
+    assert some.status == 0
+    assert "Study study: 3 of 3 rows, 2 of them failed" in some.out
+    assert "row 1 and 1 more: outcome root is not a number (NaN)" in some.out
+    Path("study.toml").write_text('[study]\nsystem = "none"\n[parameters]\na = [4, 5]\n[outcomes]\n'
+                                  'root = "sqrt(3 - a)"\n')
+    for arguments, how_many in ((["--shard", "1/2"], "so far all 1 rows"), (["--json"], "all 2 rows")):
+        told = threadpitch("study", "study.toml", "--workers", 0, "--output", "all", *arguments)
+        assert (told.status, told.out, told.err.count("\n")) == (2, "", 1)
+        assert f"study.toml: {how_many} failed, row 0" in told.err
+        assert "outcome root is not a number (NaN); they are kept in all; mend" in told.err
+    assert Path("all/study.parquet").is_file()

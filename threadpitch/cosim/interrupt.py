@@ -66,7 +66,7 @@ class HeldInterrupt:
                 handler = signal.getsignal(number)
                 holder = getattr(handler, "__self__", None)
                 if isinstance(holder, HeldInterrupt):
-                    self._told = holder._told  # noqa: SLF001 -- of its own class
+                    self._told = holder._told
                 elif handler in handlers:
                     signal.signal(number, self._note)
                     self._held[number] = handler

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import re
 import time as clock
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from threadpitch.fmu.cache import write_file
 from threadpitch.studies.analysis import Analysis, analyze
-from threadpitch.studies.cluster import available_cores, connected
+from threadpitch.studies.cluster import connected
 from threadpitch.studies.definition import Document, Study, read_study, study_of
 from threadpitch.studies.document import analysis_document
 from threadpitch.studies.errors import StudyError
@@ -21,6 +20,7 @@ from threadpitch.studies.evaluation import Evaluator, Outcome
 from threadpitch.studies.execution import OnDask, in_this_process, sent
 from threadpitch.studies.keeping import OWN, Folder, folder_size, kept_study
 from threadpitch.studies.parcel import Parcel
+from threadpitch.studies.place import Place
 from threadpitch.studies.shown_units import Units
 
 if TYPE_CHECKING:
@@ -29,18 +29,6 @@ if TYPE_CHECKING:
 Progress: TypeAlias = Callable[[int, int], None]  # (rows done, rows in all)
 DEFAULT_OUTPUT = "threadpitch-study"
 ANALYSIS = "analysis.json"
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where rows are computed: by so many local workers (0: in this process; None: one for each core), by the workers
-    of a Dask scheduler, or of the queue that the study configures; and which part of them, (i, n) the i-th of n.
-    """
-
-    workers: int | None = None
-    scheduler: str | None = None
-    queue: bool = False
-    shard: tuple[int, int] = (1, 1)
 
 
 @dataclass(frozen=True)
@@ -91,8 +79,7 @@ def study(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUT
     """
     place = place or Place()
     chosen = study_of(definition) if isinstance(definition, Mapping) else read_study(definition)
-    if place.queue and "cluster" not in chosen.document:
-        raise StudyError("the study has no [cluster]; write one with kind = \"slurm\", jobs, cores, memory, walltime")
+    place.check(chosen)
     with Evaluator(chosen) as evaluator:
         evaluator.check()
         folder = Folder(output, chosen, evaluator.describe())
@@ -172,20 +159,8 @@ def estimate(definition: str | Path | Document, *, output: str | Path = DEFAULT_
         began = clock.perf_counter()
         list(evaluator.outcomes(rows[-1:]))
         row_time = clock.perf_counter() - began
-    workers = _workers(place)
+    workers = place.processes
     return Estimate(len(chosen.rows), count, row_time, workers, row_time * count / workers, folder_size(chosen))
-
-
-def read_shard(text: str) -> tuple[int, int]:
-    """``2/8`` -> (2, 8).
-
-    Raises:
-        StudyError: it is no part of a whole.
-    """
-    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
-    if match is None or not 1 <= int(match[1]) <= int(match[2]):
-        raise StudyError(f"--shard {text!r} is no part; write it like 2/8, from 1/8 to 8/8")
-    return int(match[1]), int(match[2])
 
 
 def _of_shard(evaluator: Evaluator, place: Place) -> list[int]:
@@ -195,20 +170,14 @@ def _of_shard(evaluator: Evaluator, place: Place) -> list[int]:
     return rows[len(rows) * (number - 1) // count:len(rows) * number // count]
 
 
-def _workers(place: Place) -> int:
-    return max(1, available_cores() if place.workers is None else place.workers)
-
-
 def _computed(evaluator: Evaluator, place: Place, rows: list[int]) -> Generator[list[Outcome], None, None]:
     """The outcomes as they come."""
     if not rows:
         return
-    alone = place.workers == 0 or place.shard != (1, 1)
-    if alone and place.scheduler is None and not place.queue:
+    if place.alone:
         yield from in_this_process(evaluator, rows)
         return
-    cluster = evaluator.study.document.get("cluster", {}) if place.queue else {}
-    parcel = Parcel.of(evaluator, with_fmus=place.scheduler is not None or place.queue)
-    with (connected(_workers(place), place.scheduler, cluster) as client, sent(client, parcel) as name,
+    parcel = Parcel.of(evaluator, with_fmus=place.elsewhere)
+    with (connected(place.processes, place.scheduler, place.cluster(evaluator.study)) as client, sent(client, parcel) as name,
           contextlib.closing(OnDask(client, name).outcomes(rows)) as outcomes):
         yield from outcomes
