@@ -192,7 +192,8 @@ def test_a_row_is_what_run_gives(tmp_path: Path, given: dict[str, Any]) -> None:
     varied = {"z_drive.position_gain": [20, 40], "controller.commanded_speed": ["700rpm"]}
     document = {"study": {"stop_time": 2.2, "start_angles_deg": [0, 90]}, "parameters": varied, "fixed": given,
                 "outcomes": {"worst": "actual.max_deviation", "cause": "cause",
-                             "chip": "max(cutting.chip_thickness[1])", "depth": "max(cutting.groove_depth)", "torque": "sum(cutting.torque)"}}
+                             "chip": "max(cutting.chip_thickness[1])", "depth": "max(cutting.groove_depth)",
+                             "torque": "sum(cutting.torque)"}}
     rows = study(document, output=tmp_path, place=HERE).table.to_pylist()
     for row in rows:
         alone = simulate(parameters={**given, **{name: row[name] for name in varied}}, stop_time=2.2,

@@ -178,6 +178,7 @@ def _computed(evaluator: Evaluator, place: Place, rows: list[int]) -> Generator[
         yield from in_this_process(evaluator, rows)
         return
     parcel = Parcel.of(evaluator, with_fmus=place.elsewhere)
-    with (connected(place.processes, place.scheduler, place.cluster(evaluator.study)) as client, sent(client, parcel) as name,
+    cluster = place.cluster(evaluator.study)
+    with (connected(place.processes, place.scheduler, cluster) as client, sent(client, parcel) as name,
           contextlib.closing(OnDask(client, name).outcomes(rows)) as outcomes):
         yield from outcomes
