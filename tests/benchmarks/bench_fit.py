@@ -1,4 +1,4 @@
-"""How often the true parameters of a drive lie within the uncertainty that `fit` states, and what it finds in real logs.
+"""How often the true parameters of a drive lie within the uncertainty that `fit` states, and real logs.
 
     python -m tests.benchmarks.bench_fit [recordings]      default 200
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import time as clock
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Progress: TypeAlias = Callable[[int, int], None]  # (rows done, rows in all)
 DEFAULT_OUTPUT = "threadpitch-study"
 ANALYSIS = "analysis.json"
+_MEASURED_ROWS, _MEASURED_TIME = 20, 1.0  # that an estimate computes at most: rows, s
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,7 @@ def units(definition: str | Path | Document) -> Units:
 
 def estimate(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTPUT,
              place: Place | None = None) -> Estimate:
-    """What a study would take: three of its rows are computed, and nothing is kept.
+    """What a study would take, without the start of workers: a few of its rows are computed, and nothing is kept.
 
     Raises:
         StudyError, cosim.CosimError: as ``study``.
@@ -156,11 +157,19 @@ def estimate(definition: str | Path | Document, *, output: str | Path = DEFAULT_
         done = Folder(output, chosen, evaluator.describe()).done if Path(output).is_dir() else {}
         count = sum(row not in done for row in rows)
         list(evaluator.outcomes(rows[:2]))  # loads, and compiles what the second row needs besides
-        began = clock.perf_counter()
-        list(evaluator.outcomes(rows[-1:]))
-        row_time = clock.perf_counter() - began
+        row_time = _row_time(evaluator, rows[len(rows) // 2:])
     workers = place.processes
     return Estimate(len(chosen.rows), count, row_time, workers, row_time * count / workers, folder_size(chosen))
+
+
+def _row_time(evaluator: Evaluator, rows: Sequence[int]) -> float:
+    """Seconds of a row, the mean of several that follow each other as in a study: they share beginnings."""
+    ends = [clock.perf_counter()]
+    for _ in evaluator.outcomes(rows[:_MEASURED_ROWS]):
+        ends.append(clock.perf_counter())
+        if ends[-1] - ends[0] > _MEASURED_TIME:
+            break
+    return (ends[-1] - ends[0]) / max(1, len(ends) - 1)
 
 
 def _of_shard(evaluator: Evaluator, place: Place) -> list[int]:
