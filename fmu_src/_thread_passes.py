@@ -49,8 +49,8 @@ class ThreadPasses(BlockChain):
     least_cut: float = parameter("m", "Least roughing cut dmin, radius", start=0.00005, display="mm", min=0.0, max=1.0)
     allowance: float = parameter("m", "Finishing allowance d, radius", start=0.00005, display="mm", min=0.0, max=1.0)
     finishing_passes: int = parameter("1", "Finishing passes m", start=2, min=0, max=99)
-    tool_angle: float = parameter("rad", "Tool angle a: flank infeed by depth * tan(a / 2)", start=1.0471975511965976,
-                                  display="deg", min=0.0, max=3.0)
+    tool_angle: float = parameter("rad", "Tool angle a: flank infeed by depth * tan(a / 2); < 0: along the other flank",
+                                  start=1.0471975511965976, display="deg", min=-3.0, max=3.0)
     clamping: int = parameter("1", "Cuts that the rule makes smaller than least_cut", start=0, choices={
         "no_memory": 0, "sticky": 1})
     finishing: int = parameter("1", "How the finishing passes share the allowance", start=0, choices={

@@ -126,6 +126,26 @@ def test_the_largest_lead_of_a_program_is_compared_with_the_axis(threadpitch: Co
                     "566 rpm")
 
 
+def test_a_thread_of_variable_lead_has_a_verdict(threadpitch: Command, workplace: Path) -> None:
+    """P_target(n) = lead + change (n - 1/2 + o); the feed lags by 1 / Kv: P(n) - P_target(n) = -change rps / Kv."""
+    (workplace / "p.nc").write_text("G97 S300 M3\nG0 X26. Z8.\nX19.4\nG34 Z-30. F2. R0.1\nG0 X26.\nM30\n",
+                                    encoding="utf-8")
+    shaking = "spindle.ripple_amplitude[1]=0"
+    done = threadpitch("run", "--program", "p.nc", "--set", shaking, "--json")
+    assert done.status == 0, done.err
+    document = json.loads(done.out)
+    (verdict,) = document["verdicts"]
+    assert verdict["cause"] in {"control", "both"}
+    steady = -100.0 * 5.0 / 50.0  # um
+    for one in verdict["control"]["start_angles"]:
+        assert one["deviation_um"][-1] == pytest.approx(steady, abs=0.5)
+        assert one["lag_ms"] == pytest.approx(20.0, rel=0.05)
+    done = threadpitch("run", "--program", "p.nc", "--set", shaking, "z_drive.feedforward=1", "z_drive.lead_slope=0",
+                       "z_drive.lead_amplitude=0", "--json")
+    (verdict,) = json.loads(done.out)["verdicts"]
+    assert verdict["evidence"]["fluctuation_um"] < 2.0  # of leads from 2.3 to 3.4 mm
+
+
 @pytest.mark.parametrize(("text", "options", "message"), [
     ("G0 X1 Z1\nM30\n", (), "the program cuts no thread"),
     ("G97 S600 M3\nG0 X24. Z5.\nG32 Z-6.\nM30\n", (), r"p\.nc: line 3, column \d+: alarm"),

@@ -11,7 +11,7 @@ import pytest
 from tests.conftest import Command, assert_one_line
 from tests.test_faults import run
 from threadpitch import faults, lathe
-from threadpitch.diagnosis import Diagnosis, diagnose, diagnosis_document, diagnosis_lines
+from threadpitch.diagnosis import UNCERTAINTY, Diagnosis, diagnose, diagnosis_document, diagnosis_lines
 from threadpitch.judgement import ControlParts
 from threadpitch.measuring import MeasuringPlan
 
@@ -31,13 +31,13 @@ def control(name: str) -> ControlParts:
     return parts
 
 
-IN_THE_METAL = sorted(set(faults.fault_names()) - {"backlash"})  # which shows in a turn that begins before it
-
-
-@pytest.mark.parametrize("name", IN_THE_METAL)
-def test_the_verdict_is_the_faults_cause(name: str) -> None:
-    """Exact pitches, judged as if each had an uncertainty of 0.5 um."""
-    assert found(name).verdict.cause == faults.read_fault(name).cause, found(name).verdict.sentence
+@pytest.mark.parametrize("uncertainty", [UNCERTAINTY, FINE])
+@pytest.mark.parametrize("name", faults.fault_names())
+def test_the_verdict_is_the_faults_cause(name: str, uncertainty: float) -> None:
+    """Of every fault of the library as ``run --fault`` judges it, and with half of its uncertainty."""
+    result = diagnose(run(name), uncertainty=uncertainty)
+    assert result is not None
+    assert result.verdict.cause == faults.read_fault(name).cause, result.verdict.sentence
 
 
 @pytest.mark.parametrize("name", ["none", "spindle_dip", "periodic_screw_error"])
@@ -91,7 +91,28 @@ def test_lines_and_document_tell_the_same() -> None:
     document: Any = json.loads(json.dumps(diagnosis_document(one), allow_nan=False))
     assert document["cause"] == "control"
     assert document["control"]["lag_ms"] == pytest.approx(20.0, rel=0.02)
-    assert document["control"]["sentences"][0] in text
+    assert document["control"]["lines"] == text.split("\n")[-len(document["control"]["lines"]):]
+
+
+def test_where_in_the_control_is_told_of_every_start_angle() -> None:
+    """Each from its own turns: numbers and deviations are those of the table."""
+    one, (left,) = found("short_start"), run("short_start").passes
+    assert [round(np.degrees(parts.start_angle)) for parts in one.controls] == [0, 90, 180, 270]
+    for row, parts in enumerate(one.controls):
+        inside = np.flatnonzero(left.in_metal[row])
+        assert parts.turns[0] == inside[0] + 1
+        assert parts.deviation[:inside.size] == pytest.approx(left.deviation[row, inside], abs=0.05e-6)
+        assert parts.shares["start"] > 0.9
+    worst = max(one.controls, key=lambda parts: parts.worst)
+    lines = diagnosis_lines(one)
+    heading = next(line for line in lines if line.startswith("Where in the control: "))
+    assert heading.endswith(f"(start angle {np.degrees(worst.start_angle):.0f} deg), of it")
+    assert f"  - {worst.sentences()[0]}" in lines
+    others = [line for line in lines if line.startswith("  at ")]
+    assert len(others) == 3
+    assert all("start 100 %" in line or "start 9" in line for line in others), others
+    documents: Any = diagnosis_document(one)["control"]
+    assert [each["start_angle_deg"] for each in documents["start_angles"]] == pytest.approx([0.0, 90.0, 180.0, 270.0])
 
 
 def test_without_both_calculators_there_is_no_verdict() -> None:
@@ -125,6 +146,7 @@ def test_run_prints_the_verdict_and_writes_what_analyze_reads(threadpitch: Comma
     assert verdict["evidence"]["rest"][0]["kind"] == "once per screw turn"
     assert verdict["control"]["lag_ms"] == pytest.approx(20.0, rel=0.03)
     assert verdict["control"]["lag_agrees"]
+    assert [one["start_angle_deg"] for one in verdict["control"]["start_angles"]] == [0.0, 180.0]
 
 
 def test_run_tells_the_verdict_as_json_and_forgets_an_old_measurement(threadpitch: Command, workplace: Any) -> None:

@@ -13,13 +13,16 @@ from threadpitch.judgement import (
     ExpectedLag,
     JudgementError,
     MeasuredThread,
+    Turns,
     Verdict,
-    control_document,
-    control_parts,
+    control_documents,
+    control_lines,
+    control_parts_of,
     judge,
     together,
     verdict_document,
 )
+from threadpitch.judgement.control import FEWEST_TURNS
 from threadpitch.lathe import ACTUAL, NOMINAL, Simulation
 from threadpitch.measuring import MeasuringPlan, measure, recorded_rows
 from threadpitch.passes import CONTROLLER, FloatArray, Pass
@@ -44,23 +47,29 @@ _CUTS = 0.5  # of the turns in the metal in which a pass must take a chip off a 
 class Diagnosis:
     """The verdict on the pass that left the groove.
 
-    ``control`` is None where the recording does not tell it, ``why_not`` then says why.
+    ``controls`` has where in the control for every start angle; it is empty where the recording does not tell it, and
+    ``why_not`` then says why.
     """
 
     pass_number: int
     target: float  # m, the lead
     uncertainty: float  # m, standard, of one pitch
     verdict: Verdict
-    control: ControlParts | None
+    controls: tuple[ControlParts, ...]
     measured: tuple[MeasuredThread, ...] = ()  # where the thread was measured by a plan
     why_not: str = ""
+
+    @property
+    def control(self) -> ControlParts | None:
+        """That of the first start angle."""
+        return self.controls[0] if self.controls else None
 
     @property
     def control_shows(self) -> bool:
         """Whether the control moves a pitch by more than the measuring uncertainty: where it does less, nothing is to
         be adjusted.
         """
-        return self.control is not None and float(np.abs(self.control.deviation).max()) > _WORTH * self.uncertainty
+        return any(one.worst > _WORTH * self.uncertainty for one in self.controls)
 
 
 def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
@@ -78,15 +87,17 @@ def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
     if not {NOMINAL, ACTUAL} <= set(simulation.calculators) or not simulation.passes:
         return None
     left = _left_by(simulation)
-    target = _target(left)
+    targets, target = _targets(left)
     threads: tuple[MeasuredThread, ...] = ()
     if plan is None:
         verdict = _of_groove(simulation, left, uncertainty)
+    elif left.variable:
+        raise JudgementError("a thread whose lead changes is judged without a measuring plan; leave --measure out")
     else:
         threads, uncertainty = tuple(measure(simulation, plan, simulation.passes[-1])), plan.uncertainty
         verdict = _of_flanks(simulation, plan, threads, target)
-    control, why_not = _control(simulation, left, target)
-    return Diagnosis(left.number, target, uncertainty, verdict, control, threads, why_not)
+    controls, why_not = _control(simulation, left, targets if left.variable else target)
+    return Diagnosis(left.number, target, uncertainty, verdict, controls, threads, why_not)
 
 
 def verdict_on_groove(simulation: Simulation, *, uncertainty: float = UNCERTAINTY) -> Verdict:
@@ -106,8 +117,8 @@ def diagnosis_document(found: Diagnosis) -> dict[str, object]:
     """As JSON, lengths in um."""
     return {"pass": found.pass_number, "uncertainty_um": from_si(found.uncertainty, "um"),
             **verdict_document(found.verdict),
-            "control": {"why_not": found.why_not} if found.control is None
-            else {**control_document(found.control), "shows": found.control_shows}}
+            "control": {**control_documents(found.controls), "shows": found.control_shows} if found.controls
+            else {"why_not": found.why_not}}
 
 
 def diagnosis_lines(found: Diagnosis) -> list[str]:
@@ -118,11 +129,7 @@ def diagnosis_lines(found: Diagnosis) -> list[str]:
     lines = [f"Verdict on pass {found.pass_number}, pitches {how}", found.verdict.sentence]
     lines += [f"  - {line}" for line in found.verdict.advice]
     lines += [f"Note: {note}" for note in found.verdict.notes]
-    if found.control is not None and found.control_shows:
-        worst = from_si(float(np.abs(found.control.deviation).max()), "um")
-        lines.append(f"Where in the control: the nominal pitches deviate by up to {worst:.3g} um, of it")
-        lines += [f"  - {line}" for line in found.control.sentences()]
-    return lines
+    return [*lines, *control_lines(found.controls)] if found.control_shows else lines
 
 
 def _left_by(simulation: Simulation, flank: str = "") -> Pass:
@@ -143,11 +150,6 @@ def _left_by(simulation: Simulation, flank: str = "") -> Pass:
     return passes[-1]
 
 
-def _target(one: Pass) -> float:
-    known = np.isfinite(one.deviation)
-    return float((one.table.pitch - one.deviation)[known][0])
-
-
 def _screw_lead(simulation: Simulation) -> float | None:
     ball_screw = simulation.parameter(f"{Z_DRIVE}.drive_type") == _BALL_SCREW
     return simulation.parameter(f"{Z_DRIVE}.screw_lead") if ball_screw else None
@@ -155,7 +157,15 @@ def _screw_lead(simulation: Simulation) -> float | None:
 
 def _of_groove(simulation: Simulation, left: Pass, uncertainty: float) -> Verdict:
     nominal, actual = _both(left, simulation)
-    return judge(nominal, actual, target=_target(left), uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
+    targets, target = _targets(left)
+    return judge(nominal, actual, target=targets[:, :actual.shape[1]] if left.variable else target,
+                 uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
+
+
+def _targets(one: Pass) -> tuple[FloatArray, float]:
+    """The pass's targets, (start_angles, revolutions) m, and the first of them."""
+    targets = one.table.pitch - one.deviation
+    return targets, float(targets[np.isfinite(targets)][0])
 
 
 def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, FloatArray]:
@@ -189,8 +199,8 @@ def _nominal(simulation: Simulation, one: Pass, start_angles: Sequence[float]) -
     return pitch_table(Trace(angle, position), start_angles)
 
 
-def _control(simulation: Simulation, left: Pass, target: float) -> tuple[ControlParts | None, str]:
-    """Where in the control, from the first turn in the metal on; None and the reason where that is not told."""
+def _control(simulation: Simulation, left: Pass, target: float | FloatArray) -> tuple[tuple[ControlParts, ...], str]:
+    """Where in the control, of every start angle from its first turn in the metal on; or none, and why not."""
     names = (*_DETECTED, "spindle.speed", f"{Z_DRIVE}.following_error", f"{Z_DRIVE}.torque")
     try:
         rows = recorded_rows(simulation, left, names)
@@ -198,20 +208,33 @@ def _control(simulation: Simulation, left: Pass, target: float) -> tuple[Control
         limit = simulation.parameter(f"{Z_DRIVE}.torque_limit")
         saturated = None if limit is None else np.abs(torque) >= _AT_THE_LIMIT * limit
         trace = Trace(angle, position, simulation.time[rows])
-        first = int(np.argmax(left.in_metal[0])) + 1 if left.in_metal[0].any() else 1
-        return control_parts(ControlTrace(trace, speed, error, saturated), target,
-                             start_angle=_first_crossing(trace, left.table), expected=_expected(simulation),
-                             first_turn=first), ""
+        known = _with_turns(left)
+        chosen = [Turns(_first_crossing(trace, left.table, row), _first_in_metal(left, row)) for row in known]
+        found = control_parts_of(ControlTrace(trace, speed, error, saturated),
+                                 target[known] if isinstance(target, np.ndarray) else target, chosen,
+                                 _expected(simulation))
+        return tuple(replace(one, start_angle=float(left.table.start_angles[row]))
+                     for row, one in zip(known, found, strict=True)), ""
     except (JudgementError, PitchError, TraceError, ValueError) as error_:
-        return None, str(error_)
+        return (), str(error_)
 
 
-def _first_crossing(trace: Trace, table: PitchTable) -> float:
-    """Angle, rad, at which n = 1 of the table's first start angle begins.
+def _with_turns(left: Pass) -> list[int]:
+    """The start angles that have enough turns in the metal; the first one where none has."""
+    turns = np.sum(np.isfinite(left.table.pitch) & left.in_metal, axis=1)
+    return np.flatnonzero(turns >= FEWEST_TURNS).tolist() or [0]
+
+
+def _first_in_metal(left: Pass, row: int) -> int:
+    return int(np.argmax(left.in_metal[row])) + 1 if left.in_metal[row].any() else 1
+
+
+def _first_crossing(trace: Trace, table: PitchTable, row: int) -> float:
+    """Angle, rad, at which n = 1 of a start angle of the table begins.
 
     It may lie in the step in which threading begins, and so before the first row: the pitches themselves tell.
     """
-    start, known = float(table.start_angles[0]), table.pitch[0]
+    start, known = float(table.start_angles[row]), table.pitch[row]
     later = start + TURN * float(np.ceil((trace.angle[0] - start) / TURN - 1e-9))
 
     def apart(first: float) -> float:

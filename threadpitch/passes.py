@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from threadpitch.cycles.moves import Hand, Kind
 from threadpitch.pitch import PitchTable, Statistics, statistics
+from threadpitch.trace import TURN
 
 CONTROLLER = "controller"  # its name in the lathe's SSD
 KINDS: tuple[Kind, ...] = ("rough", "finish", "spring")  # by the controller's pass_kind
 WORKPIECE = ("z_face", "z_start", "z_end")  # parameters of the controller
-TOLD = ("pass_kind", "cut_depth", "start_angle", "start_number", "lead", "starts")  # what it says of a pass
+TOLD = ("pass_kind", "cut_depth", "start_angle", "start_number", "lead", "starts", "lead_change",
+        "further_blocks")  # what it says of a pass
 ALARMS = {  # of the controller: what is wrong, and how to mend it
     1: "the spindle's speed varied by more than the fluctuation limit (parameter 106); load it less or allow more with "
        "controller.fluctuation_limit",
@@ -54,6 +56,7 @@ class Pass:
     began: float | None = None  # s, when the feed began to follow the spindle
     ended: float | None = None  # s
     target: float | None = None  # m, movement per turn that the calculator compares with
+    variable: bool = False  # the lead changes along the thread; the deviation is from that of every turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +136,21 @@ def _described(columns: Columns, one: Pass, rows: slice) -> Pass:
     if not all(name in columns for name in outputs):
         return one
     kind, depth, angle, lead, starts = (float(columns[name][rows][0]) for name in outputs)
-    return replace(one, kind=KINDS[int(kind)], depth=depth, start_angle=angle, lead=lead, pitch=lead / starts)
+    one = replace(one, kind=KINDS[int(kind)], depth=depth, start_angle=angle, lead=lead, pitch=lead / starts)
+    change, further = (columns.get(f"{CONTROLLER}.{name}") for name in ("lead_change", "further_blocks"))
+    if change is None or further is None or not change[0] or further[0]:
+        return one
+    return replace(one, deviation=one.table.pitch - _variable_lead(one, lead, angle, float(change[0])), variable=True)
+
+
+def _variable_lead(one: Pass, lead: float, start: float, change: float) -> FloatArray:
+    """(start_angles, revolutions) m: lead + lead_change (n - 1/2 + o), o the turns from the start to the start angle.
+
+    The way is lead n + lead_change n^2 / 2, n turns since the line began.
+    """
+    offset = (one.table.start_angles - start) / TURN % 1.0
+    offset[offset > 1.0 - 1e-9] = 0.0
+    return np.asarray(lead + change * (offset[:, np.newaxis] + np.arange(one.table.pitch.shape[1]) + 0.5))
 
 
 def _turns(columns: Columns, calculator: str, angle: int, rows: slice) -> tuple[FloatArray, FloatArray, float]:

@@ -74,8 +74,12 @@ def pass_deviation_lines(console: Console, one: Pass) -> list[Text]:
     known = ~np.isnan(one.deviation)
     if not known.any():
         return []
+    chosen = one.in_metal if one.in_metal.any() else None
+    if one.variable:
+        found = deviation_lines(console, PitchTable.of_pitches(one.deviation, one.table.start_angles), 0.0, chosen)
+        return [Text("Deviation of P(n) from the lead of its turn over n [um]"), *found[1:]]
     target = float((one.table.pitch - one.deviation)[known][0])
-    return deviation_lines(console, one.table, target, one.in_metal if one.in_metal.any() else None)
+    return deviation_lines(console, one.table, target, chosen)
 
 
 def verdict_line(cause: str, sentence: str) -> Text:

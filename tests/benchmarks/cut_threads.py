@@ -124,7 +124,9 @@ def cut_thread(plan: Plan, seed: int, least: float = 5.0, most: float = 50.0) ->
     cause = "both" if len(present) == 2 else next(iter(present), "none")
     shown = found.actual + measuring_noise(found.actual.size, draw) * uncertainty
     machine = Machine(found.nominal.size, shop.lead, SCREW_LEAD, math.nan, math.nan)
-    return CutThread(Thread(names, cause, machine, found.nominal, shown, uncertainty, severity), frozenset(besides))
+    thread = Thread(names, cause, machine, found.nominal, shown, uncertainty, severity,
+                    {name: sizes[name] for name in present})
+    return CutThread(thread, frozenset(besides))
 
 
 def _without_slips(plan: Plan, parameters: Parameters, shop: Workshop, found: Cut) -> Cut:

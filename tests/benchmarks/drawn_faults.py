@@ -97,7 +97,7 @@ def periodic_screw_error(draw: Draw, shop: Workshop) -> Parameters:
 
 
 def backlash(draw: Draw, shop: Workshop) -> Parameters:
-    """Play that the approach does not take up before the metal."""
+    """Play that the chip pulls the table across where the tool enters."""
     return {"z_drive.backlash": between(draw, 20e-6, 150e-6)}
 
 

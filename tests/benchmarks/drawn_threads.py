@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ class Thread:
     measured: Array  # (turns,) m
     uncertainty: float  # m
     severity: float  # largest deviation of the smaller cause over the uncertainty; 0 = nothing is wrong
+    sizes: dict[str, float] = field(default_factory=dict)  # m, by cause: its largest deviation
 
 
 def spindle_dip(machine: Machine, draw: np.random.Generator) -> Array:
@@ -193,11 +194,12 @@ def drawn(seed: int, least: float = 5.0, most: float = 50.0) -> Thread:
     if draw.uniform() < (0.5 if kind == "none" else 0.25):
         jitter = _scaled(encoder_jitter(machine, draw), draw, 1.0, 20.0 if kind == "none" else 5.0) * uncertainty
         names.append("jitter")
-    severity = min(float(np.abs(part).max()) for part in (seen, unseen) if part.any()) / uncertainty \
-        if kind != "none" else 0.0
+    sizes = {cause: float(np.abs(part).max()) for cause, part in (("control", seen), ("mechanical", unseen))
+             if part.any()}
+    severity = min(sizes.values(), default=0.0) / uncertainty
     return Thread(" + ".join(names) or "nothing", str(kind), machine, machine.lead + seen + jitter,
                   machine.lead + seen + unseen + measuring_noise(machine.turns, draw) * uncertainty,
-                  uncertainty, severity)
+                  uncertainty, severity, sizes)
 
 
 def measuring_noise(turns: int, draw: np.random.Generator) -> Array:

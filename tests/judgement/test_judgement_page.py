@@ -26,7 +26,7 @@ def test_the_examples_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "once per screw turn, amplitude" in printed
     assert "as expected (20.0 ms): raise Kv or the feedforward" in printed
     assert "verdict='conform'" in printed
-    assert "it drops by 47 rpm at the entry" in printed
+    assert "it drops by 47.1 rpm at the entry" in printed
 
 
 def test_the_commands_run(fmu_cache: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,

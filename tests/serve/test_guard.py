@@ -149,9 +149,10 @@ def test_a_stored_study_is_shown(tmp_path: Path) -> None:
     document = {"study": {"system": "none", "name": "<b>lengths</b>"}, "parameters": {"a": ["1mm", "2mm"]},
                 "outcomes": {"y": "a"}, "limits": {"y": "1.5mm"}}
     kept = study_run(study(document, output=tmp_path / "study", place=Place(workers=0)), "lengths.toml")
-    with open_store(str(tmp_path / "runs.db")) as store:
-        numbers = [store.add(one) for one in (kept, replace(kept, provenance={}))]
-        pages = [Client(Stored(store, "", 0, 0)).get(f"/run/{number}") for number in numbers]
+    pages = []
+    for name, run in (("runs", kept), ("older", replace(kept, provenance={}))):
+        with open_store(str(tmp_path / f"{name}.db")) as store:
+            pages.append(Client(Stored(store, "", 0, 0)).get(f"/run/{store.add(run)}"))
     assert [page.status_code for page in pages] == [200, 200]
     assert "Within all limits: 50.00 % of 2 rows" in pages[0].text
     assert "<td>y &lt;= 1.5 mm</td><td>50.00 %</td>" in pages[0].text

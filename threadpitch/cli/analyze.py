@@ -52,6 +52,10 @@ def analyze(
     = None,
     uncertainty: Annotated[float | None, typer.Option(
         metavar="UM", parser=number, help="Standard uncertainty of one measured pitch.")] = None,
+    negligible: Annotated[float | None, typer.Option(
+        metavar="UM", parser=number, help="Deviation of one pitch that does not matter: a cause is called absent only "
+                                          "where it surely makes no larger one.",
+        show_default="what is sure to be found, 5 to 6 uncertainties")] = None,
     ball_screw: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Lead of the feed's ball screw, to know its turns again in the rest.",
         show_default="--screw-lead")] = None,
@@ -79,7 +83,7 @@ def analyze(
 ) -> None:
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
     screw = of_log.screw_lead if ball_screw is None else ball_screw
-    asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement, expected_lag)
+    asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement, expected_lag, negligible)
     choice = of_log.choice()
     signals = of_log.signals(target, latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
     starts = radians(start_angle or [0.0])

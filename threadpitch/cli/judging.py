@@ -20,12 +20,15 @@ from threadpitch.judgement import (
     ExpectedLag,
     JudgementError,
     MeasuredThread,
+    Turns,
     Verdict,
-    control_document,
-    control_parts,
+    control_documents,
+    control_lines,
+    control_parts_of,
     judge,
     verdict_document,
 )
+from threadpitch.judgement.control import FEWEST_TURNS
 from threadpitch.judgement.measured_file import read_measured
 from threadpitch.pitch import GroupPitch, StreamedPitch
 from threadpitch.sparkline import verdict_line
@@ -46,6 +49,7 @@ class Judged:
     limit_percent: float = 25.0
     engagement_mm: float | None = None
     expected_lag_ms: float | None = None
+    negligible_um: float | None = None
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ class Findings:
     tolerances: tuple[tuple[str, PitchConformity], ...] = ()  # (of what, how it keeps to its tolerance)
     measured: tuple[MeasuredThread, ...] = ()
     target: float | None = None  # m, where it is known
-    control: ControlParts | None = None  # where in the control, where the log tells it
+    control: tuple[ControlParts, ...] = ()  # where in the control, by start angle, where the log tells it
     why_not: str = ""
 
 
@@ -90,7 +94,7 @@ def findings_document(found: Findings) -> dict[str, object]:
     """As JSON, lengths in um; what was not asked for is left out."""
     document: dict[str, object] = {}
     if found.verdict is not None:
-        control = {"why_not": found.why_not} if found.control is None else control_document(found.control)
+        control = control_documents(found.control) if found.control else {"why_not": found.why_not}
         document["verdict"] = {"group": found.group, **verdict_document(found.verdict), "control": control}
     if found.tolerances:
         document["tolerance"] = [{"of": name, **_conformity_document(one)} for name, one in found.tolerances]
@@ -118,7 +122,7 @@ def _verdict(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], 
     if target is None:
         fail("the target of the pitch is not known; give --target in mm, or --thread like M20x1.5-6g")
     return judge(group.table, measured, target=target, uncertainty=_si(asked.uncertainty_um, "um"),
-                 screw_lead=_si(asked.screw_lead_mm, "mm"))
+                 screw_lead=_si(asked.screw_lead_mm, "mm"), negligible=_si(asked.negligible_um, "um"))
 
 
 def _target(thread: Thread | None, asked: Judged) -> float | None:
@@ -132,25 +136,24 @@ def _target(thread: Thread | None, asked: Judged) -> float | None:
 
 
 def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, target: float, asked: Judged,
-                          recording: Recording) -> tuple[ControlParts | None, str]:
-    """(parts of the nominal pitches, "") over the turns that were measured, or (None, why not)."""
+                          recording: Recording) -> tuple[tuple[ControlParts, ...], str]:
+    """(parts of the nominal pitches by start angle, "") over the turns that were measured, or ((), why not)."""
     lag = asked.expected_lag_ms
     if lag is not None and not 0.0 < lag < math.inf:
         fail(f"expected lag {lag:g} ms is not positive; give (1 - feedforward)/Kv + Td, like 20")
     first = 1.0 if math.isnan(verdict.evidence.span[0]) else verdict.evidence.span[0]
+    table = group.table
+    enough = np.sum(np.isfinite(table.pitch[:, int(first) - 1:]), axis=1) >= FEWEST_TURNS
+    chosen = table.start_angles[enough] if enough.any() else table.start_angles[:1]
     try:
-        return control_parts(recording(), target, start_angle=float(group.table.start_angles[0]),
-                             expected=None if lag is None else ExpectedLag(1e3 / lag), first_turn=int(first)), ""
+        return control_parts_of(recording(), target, [Turns(float(one), int(first)) for one in chosen],
+                                None if lag is None else ExpectedLag(1e3 / lag)), ""
     except JudgementError as error:
-        return None, str(error)
+        return (), str(error)
 
 
 def _control_lines(found: Findings) -> list[str]:
-    if found.control is None:
-        return [f"Where in the control is not told: {found.why_not}"]
-    worst = from_si(float(np.abs(found.control.deviation).max()), "um")
-    return [f"Where in the control: the nominal pitches deviate by up to {worst:.3g} um, of it",
-            *(f"  - {line}" for line in found.control.sentences())]
+    return control_lines(found.control) if found.control else [f"Where in the control is not told: {found.why_not}"]
 
 
 def _tolerances(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], thread: Thread,

@@ -42,6 +42,7 @@ class Pair:
     uncertainty: FloatArray  # (turns,) m
     offset: float  # turn of the nominal table less that of the measured one
     nominal_uncertainty: FloatArray  # (turns,) m, of each nominal pitch, where its crossings are uncertain; else 0
+    target: FloatArray  # (turns,) m, P_ref
 
     def part(self, number: int, count: int) -> NDArray[np.bool_]:
         """(turns,) which of them are in the ``number``-th, from 0, of ``count`` equal stretches."""
@@ -50,7 +51,7 @@ class Pair:
     def only(self, kept: NDArray[np.bool_]) -> Pair:
         """Some of the turns."""
         return Pair(self.turns[kept], self.nominal[kept], self.measured[kept], self.uncertainty[kept], self.offset,
-                    self.nominal_uncertainty[kept])
+                    self.nominal_uncertainty[kept], self.target[kept])
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,7 @@ class NominalThread:
     """Nominal pitches of one start angle, and what is known of them."""
 
     pitch: FloatArray  # (turns,) m
+    target: FloatArray  # (turns,) m, P_ref
     places: FloatArray | None = None  # (turns,) m, middle of each turn along the axis
     uncertainty: FloatArray | None = None  # (turns,) m, standard, of its crossings
 
@@ -101,11 +103,12 @@ def pairs(nominal: NominalThread, measured: MeasuredThread, uncertainty: FloatAr
             for offset in range(min(spare, 0), max(spare, 0) + 1)]
 
 
-def nominal_row(table: PitchTable, row: int) -> NominalThread:
+def nominal_row(table: PitchTable, row: int, target: FloatArray) -> NominalThread:
     """One start angle of a table; without places where the table has no crossings."""
     crossings = table.crossings[row]
     places = None if np.isnan(crossings).all() else 0.5 * (crossings[1:] + crossings[:-1])
-    return NominalThread(table.pitch[row], places, None if table.uncertainty is None else table.uncertainty[row])
+    uncertainty = None if table.uncertainty is None else table.uncertainty[row]
+    return NominalThread(table.pitch[row], target, places, uncertainty)
 
 
 def nearest_row(table: PitchTable, start_angle: float) -> int:
@@ -130,8 +133,9 @@ def _pair(nominal: NominalThread, measured: MeasuredThread, uncertainty: FloatAr
     rows = inside.astype(np.int64) - 1
     seen = nominal.pitch[rows]
     doubt = np.zeros(seen.size) if nominal.uncertainty is None else np.nan_to_num(nominal.uncertainty[rows])
-    both = Pair(inside, seen, measured.pitch[order], uncertainty[order], offset, doubt)
-    return both.only(~np.isnan(seen) & ~np.isnan(measured.pitch[order]))
+    both = Pair(inside, seen, measured.pitch[order], uncertainty[order], offset, doubt,
+                nominal.target[rows])
+    return both.only(~np.isnan(seen) & ~np.isnan(both.measured) & ~np.isnan(both.target))
 
 
 def _whole(numbers: FloatArray, name: str) -> FloatArray:
@@ -151,11 +155,19 @@ def _by_place(position: FloatArray, places: FloatArray) -> FloatArray:
     known = np.flatnonzero(~np.isnan(places))
     if known.size < 2:
         raise JudgementError("the nominal table has no two turns with positions; give turn numbers")
-    slope, start = np.polyfit(known + 1.0, places[known], 1)
-    exact = (position - start) / slope
+    exact = _turn_at(position, places[known], np.asarray(known + 1.0, dtype=np.float64))
     turns = np.round(exact)
     astray = np.abs(exact - turns)
     if not np.isfinite(exact).all() or float(np.median(astray)) > _ASTRAY:
         raise JudgementError(f"measured positions lie {np.median(astray):.2f} of a lead from the middle of the nominal "
                              "turns; measure from the zero of the feed's position, or give turn numbers")
     return _whole(turns, "turn (by its position)")
+
+
+def _turn_at(position: FloatArray, places: FloatArray, numbers: FloatArray) -> FloatArray:
+    """(measured,) turn, not whole, at a place; between two turns on a line, beyond them with the lead at that end."""
+    sense = 1.0 if places[-1] > places[0] else -1.0
+    along, at = sense * places, sense * position
+    first, last = np.diff(along[:2]) / np.diff(numbers[:2]), np.diff(along[-2:]) / np.diff(numbers[-2:])
+    inside = np.interp(at, along, numbers)
+    return np.asarray(inside + np.minimum(at - along[0], 0.0) / first + np.maximum(at - along[-1], 0.0) / last)

@@ -9,6 +9,7 @@ import numpy as np
 
 from threadpitch.judgement import tendency
 from threadpitch.judgement.alignment import Pair
+from threadpitch.judgement.equivalence import EXPANDED, WORTH_NAMING, bound
 from threadpitch.judgement.hypotheses import (
     BOTH,
     CONTROL,
@@ -23,11 +24,12 @@ from threadpitch.judgement.hypotheses import (
     energy,
     hidden,
     hypotheses,
+    sure,
     without_control,
 )
 from threadpitch.judgement.jitter import Nominal, nominal_parts
 from threadpitch.judgement.noise import neighbours
-from threadpitch.judgement.pursuit import sure_event
+from threadpitch.judgement.pursuit import span, sure_event
 from threadpitch.judgement.shapes import Dictionary, Shape, dictionary
 from threadpitch.judgement.verdict import Evidence, Part
 from threadpitch.trace import FloatArray
@@ -54,23 +56,67 @@ class Assessment:
         """By cause."""
         return {cause: one.cost for cause, one in self.found.items()}
 
-    def cause(self) -> str:
-        """What the costs tell, where the nominal pitches could tell it."""
-        return self.cause_at(self.costs)
+    @property
+    def moves_much(self) -> bool:
+        """Whether it moves the feed, in some turn, by what the measurement of a single turn shows.
 
-    def cause_at(self, costs: dict[str, float]) -> str:
-        """The same at other costs."""
-        cause = decide(costs)
+        And by a part of the thread's largest deviation that is worth naming.
+        """
+        least = np.maximum(EXPANDED * self.data.uncertainty, WORTH_NAMING * np.abs(self.data.measured).max())
+        return self.moves and bool(np.any(np.abs(self._movement) >= least))
+
+    @property
+    def _movement(self) -> FloatArray:
+        """(turns,) m: the nominal fluctuation without its jitter."""
+        basis = span(self.nominal.shapes, self.candidates)
+        return np.asarray(basis @ (basis.T @ self.data.nominal))
+
+    def cause(self, negligible: float | None = None) -> str:
+        """What the costs tell, where the nominal pitches could tell it; ``cause_at`` has the arguments."""
+        return self.cause_at(self.costs, negligible)
+
+    def cause_at(self, costs: dict[str, float], negligible: float | None = None) -> str:
+        """The same at other costs.
+
+        A cause is not called absent unless it is surely smaller than what does not matter: ``negligible``, m, or what a
+        judgement of so many turns is sure to find or, where another cause is named, as much as that one.
+        """
+        cause = decide(costs, self.moves_much)
         if cause == NONE and self.moves:
             return UNDETERMINED  # the control does move the feed, by less than this thread can show
         if cause == MECHANICAL and hidden(self.data, self.nominal, self.found[MECHANICAL]):
             return UNDETERMINED
+        if cause == MECHANICAL and negligible is not None and self.moves and \
+                bool(np.any(np.abs(self._movement) > negligible)):
+            return BOTH if BOTH in costs else UNDETERMINED
+        if cause in (NONE, CONTROL, MECHANICAL) and self.bound_beside(cause) > self._matters(cause, negligible):
+            return UNDETERMINED
         return cause
 
+    def bound_beside(self, cause: str) -> float:
+        """m, of 95 %: no deviation by a cause that is not named is larger."""
+        data = self.data
+        if cause == CONTROL:
+            chosen = self.found[CONTROL]
+            return bound(data.measured - chosen.gain * chosen.seen, chosen.scale)
+        if cause == MECHANICAL:
+            return bound(data.nominal, np.maximum(math.sqrt(self.nominal.jitter), data.doubt))
+        return bound(data.measured, data.uncertainty)
 
-def assess(pair: Pair, target: float, screw_turns: float | None, parts: int = 1) -> Assessment:
+    def _matters(self, cause: str, negligible: float | None) -> float:
+        """m: so large may the bound be."""
+        if negligible is not None:
+            return negligible
+        if cause == MECHANICAL:
+            return math.inf  # what the control did is seen, and what jitter hides of it was asked before
+        scale = self.found[cause].scale
+        least = float(np.sqrt(np.mean(scale**2))) * sure_event(scale.size, NOISE_MARGIN)
+        return least if cause == NONE else max(least, float(np.abs(self.found[cause].seen).max()))
+
+
+def assess(pair: Pair, screw_turns: float | None, parts: int = 1) -> Assessment:
     """The hypotheses about P - target of the two tables; of one part where a thread is judged in several."""
-    data = Fluctuations(pair.turns, pair.nominal - target, pair.measured - target, pair.uncertainty,
+    data = Fluctuations(pair.turns, pair.nominal - pair.target, pair.measured - pair.target, pair.uncertainty,
                         neighbours(pair.turns), pair.nominal_uncertainty)
     candidates = dictionary(tuple(pair.turns.tolist()), screw_turns, parts)
     shapes = without_control(data, candidates)
@@ -89,6 +135,7 @@ def evidence(found: Assessment, cause: str) -> Evidence:
     gain = tendency.gain(data.nominal, data.measured, basis, (uncertainty**2, chosen.jitter))
     related = tendency.correlation(data.nominal, data.measured)
     fluctuation = float(np.sqrt(np.mean(data.measured**2)))
+    known = sure(found.costs)
     return Evidence(
         turns=data.turns.size, offset=found.offset, fluctuation=fluctuation,
         largest=float(data.measured[np.argmax(np.abs(data.measured))]), uncertainty=uncertainty,
@@ -103,12 +150,13 @@ def evidence(found: Assessment, cause: str) -> Evidence:
         span=(float(data.turns[0]), float(data.turns[-1])),
         movement=math.sqrt(max(found.moved, 0.0) / data.turns.size) * uncertainty if found.moves else 0.0,
         detectable=uncertainty * sure_event(data.turns.size, NOISE_MARGIN),
+        bound=math.nan if cause == BOTH else found.bound_beside(cause if cause != UNDETERMINED else known), sure=known,
     )
 
 
-def of_the_whole(part: Evidence, pair: Pair, target: float) -> Evidence:
+def of_the_whole(part: Evidence, pair: Pair) -> Evidence:
     """The evidence of one stretch with the numbers that can be told of the whole thread."""
-    nominal, measured = pair.nominal - target, pair.measured - target
+    nominal, measured = pair.nominal - pair.target, pair.measured - pair.target
     related = tendency.correlation(nominal, measured)
     uncertainty = float(np.sqrt(np.mean(pair.uncertainty**2)))
     gain = tendency.gain(nominal, measured, np.zeros((nominal.size, 0)), (uncertainty**2, part.nominal_jitter**2))

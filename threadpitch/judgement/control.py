@@ -14,27 +14,25 @@ what is neither: the command itself, quantisation, jitter. The parts of a turn a
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from threadpitch.compiled import compiled
+from threadpitch.judgement.control_found import FOLLOWING, OTHER, SATURATION, SPEED, START, ControlParts
 from threadpitch.judgement.verdict import JudgementError
 from threadpitch.pitch import pitch_table
 from threadpitch.trace import TURN, FloatArray, Trace
-from threadpitch.units import from_si
 
-SPEED, START, SATURATION, FOLLOWING, OTHER = "speed", "start", "saturation", "following", "other"
 DECAYS = (0.3, 0.5, 0.8, 1.2, 2.0, 3.0, 5.0)  # turns in which the start's transient falls to 1/e
 LAGS = np.geomspace(0.5e-3, 0.5, 61)  # s, that are tried
-_FEWEST_TURNS = 5
+FEWEST_TURNS = 5
 _WIDTH = 1.96  # standard deviations of a 95 % interval
 _SCALES = (0.9, 1.1)  # of the part that a lag predicts
 _WORTH = 9.0  # square over the variance that a part must explain before it is believed (three sigma)
-_NAMED = 0.1  # share from which a part is named
-_LAG_AGREES = 0.15  # of the expected lag
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,44 +59,28 @@ class ExpectedLag:
         return (1.0 - self.feedforward) / self.position_gain + self.delay
 
 
-@dataclass(frozen=True, eq=False)
-class ControlParts:
-    """The nominal pitches' deviations and their parts, turn by turn."""
+@dataclass(frozen=True)
+class Turns:
+    """The turns of one start angle that are split."""
 
-    turns: FloatArray  # (turns,) number of each turn
-    deviation: FloatArray  # (turns,) m, P(n) - F
-    speed_change: FloatArray  # (turns,) rad/s in each turn
-    speed: FloatArray  # (turns,) rad/s at the end of each turn
-    parts: dict[str, FloatArray]  # (turns,) m by name; they add up to the deviation
-    lag: float | None  # s, fitted; None where the speed explains nothing
-    lag_interval: tuple[float, float] | None  # of 95 %
-    expected_lag: float | None
-    course: FloatArray  # (crossings,) rad/s, the speed where turn 1 begins, and at the end of every turn
-
-    @property
-    def shares(self) -> dict[str, float]:
-        """part' deviation / |deviation|^2; they add up to 1. A part that works against the others is negative."""
-        whole = float(self.deviation @ self.deviation)
-        return {name: float(part @ self.deviation) / whole if whole > 0.0 else 0.0 for name, part in self.parts.items()}
-
-    @property
-    def lag_agrees(self) -> bool | None:
-        """Whether the data follow the formula: the expected lag is in the interval, or nearly the fitted one."""
-        if self.lag is None or self.lag_interval is None or self.expected_lag is None:
-            return None
-        near = abs(self.lag - self.expected_lag) <= _LAG_AGREES * self.expected_lag
-        return near or self.lag_interval[0] <= self.expected_lag <= self.lag_interval[1]
-
-    def sentences(self) -> tuple[str, ...]:
-        """What happened and what to do about it, the largest part first."""
-        shares = self.shares
-        named = sorted((name for name in shares if shares[name] >= _NAMED), key=lambda name: -shares[name])
-        return tuple(f"{100.0 * shares[name]:.0f} %: {_TEXTS[name](self)}" for name in named)
+    start_angle: float = 0.0  # rad, in the recording: n = 1 begins at the first crossing of it
+    first: int = 1
 
 
-def control_parts(recording: ControlTrace, target: float, *, start_angle: float = 0.0,
+def control_parts(recording: ControlTrace, target: ArrayLike, *, start_angle: float = 0.0,
                   expected: ExpectedLag | None = None, first_turn: int = 1) -> ControlParts:
-    """Split the deviations of P(n) from ``target``, m, from turn ``first_turn`` on.
+    """Split the deviations of P(n) from ``target``, m, or (turns,) m, from turn ``first_turn`` on.
+
+    Raises:
+        JudgementError: the recording has no time, columns of other lengths, or too few turns.
+        PitchError: the recording has less than one whole turn.
+    """
+    return control_parts_of(recording, target, (Turns(start_angle, first_turn),), expected)[0]
+
+
+def control_parts_of(recording: ControlTrace, target: ArrayLike, chosen: Sequence[Turns],
+                     expected: ExpectedLag | None = None) -> tuple[ControlParts, ...]:
+    """The same for several start angles; a target that changes is (turns,) m, or (start_angles, turns) m.
 
     Raises:
         JudgementError: the recording has no time, columns of other lengths, or too few turns.
@@ -112,24 +94,62 @@ def control_parts(recording: ControlTrace, target: float, *, start_angle: float 
     for name, column in columns.items():
         if column is not None and column.shape != time.shape:
             raise JudgementError(f"{name} has {column.size} samples and the recording {time.size}; give equal lengths")
-    table = pitch_table(recording.trace, (start_angle,))
+    rising = np.maximum.accumulate(recording.trace.angle)
+    seen = [_seen(recording, rising, np.asarray(target, dtype=np.float64), (row, one))
+            for row, one in enumerate(chosen)]
+    path = _path(seen[0], rising)
+    lagging: list[list[FloatArray]] = [[] for _ in seen]
+    for lag in LAGS.tolist():
+        behind = _lagging(path, time, lag)
+        for one, found in zip(seen, lagging, strict=True):
+            found.append(-np.diff(_at(one.levels, rising, behind)))
+    return tuple(_split(one, _columns(one, recording, rising, np.stack(behind)), expected)
+                 for one, behind in zip(seen, lagging, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Of one start angle."""
+
+    turns: FloatArray  # (turns,) number of each turn
+    deviation: FloatArray  # (turns,) m
+    target: FloatArray  # (turns,) m
+    levels: FloatArray  # (turns + 1,) rad, where they begin and end
+    course: FloatArray  # (crossings,) rad/s, the speed there, and before, from turn 1 on
+    sense: float
+    start_angle: float
+
+
+def _seen(recording: ControlTrace, rising: FloatArray, target: FloatArray, chosen: tuple[int, Turns]) -> _Seen:
+    row, asked = chosen
+    table = pitch_table(recording.trace, (asked.start_angle,))
     whole = np.flatnonzero(~np.isnan(table.pitch[0]))
-    known = whole[whole + 1 >= first_turn]
-    if known.size < _FEWEST_TURNS:
+    known = whole[whole + 1 >= asked.first]
+    if target.ndim:
+        of_row = np.atleast_2d(target)[min(row, np.atleast_2d(target).shape[0] - 1)]
+        known = known[known < of_row.size]
+        known = known[~np.isnan(of_row[known])]
+        wanted = of_row[known]
+    else:
+        wanted = np.full(known.size, float(target))
+    if known.size < FEWEST_TURNS or (np.diff(known) != 1).any():
         raise JudgementError(f"{recording.trace.whole()}: {known.size} whole turns; splitting the control needs "
-                             f"{_FEWEST_TURNS}")
-    bounds = start_angle + TURN * (table.turns_before + np.append(whole, whole[-1] + 1))  # (whole turns + 1,) rad
-    rising, sense = np.maximum.accumulate(recording.trace.angle), _sense(table.crossings[0])
-    course = _at(bounds, rising, recording.speed) if recording.speed is not None else _speed(bounds, rising, time)
-    levels, speed = bounds[-known.size - 1:], course[-known.size - 1:]  # (turns + 1,)
-    following = None if recording.following_error is None \
-        else -sense * np.diff(_at(levels, rising, recording.following_error))
-    saturated = np.zeros(known.size, dtype=np.bool_) if recording.saturated is None \
-        else _touched(levels, rising, recording.saturated)
-    deviation = np.asarray(table.pitch[0, known] - target)
-    lagging = np.stack([-np.diff(_at(levels, rising, _lagging(rising, time, lag))) for lag in LAGS.tolist()])
-    return _split(np.asarray(known + 1.0), deviation, speed,
-                  _Columns(target / TURN * lagging, following, saturated, expected, course))
+                             f"{FEWEST_TURNS} in a row")
+    bounds = asked.start_angle + TURN * (table.turns_before + np.arange(known[-1] + 2))
+    course = _at(bounds, rising, recording.speed) if recording.speed is not None \
+        else _speed(bounds, rising, np.asarray(recording.trace.time))
+    turns = np.asarray(known + 1.0, dtype=np.float64)
+    return _Seen(turns, np.asarray(table.pitch[0, known] - wanted), wanted, bounds[known[0]:], course,
+                 _sense(table.crossings[0]), asked.start_angle)
+
+
+def _path(one: _Seen, rising: FloatArray) -> FloatArray:
+    """(samples,) m, where the feed should be: every turn its target, before and after them as the first and last."""
+    wanted = np.concatenate([[0.0], np.cumsum(one.target)])
+    inside = np.interp(rising, one.levels, wanted)
+    before = np.minimum(rising - one.levels[0], 0.0) * one.target[0]
+    after = np.maximum(rising - one.levels[-1], 0.0) * one.target[-1]
+    return np.asarray(inside + (before + after) / TURN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,24 +157,30 @@ class _Columns:
     lagging: FloatArray  # (lags, turns) m, -dE(n) of the lags that are tried
     following: FloatArray | None  # (turns,) m
     saturated: NDArray[np.bool_]  # (turns,)
-    expected: ExpectedLag | None
-    course: FloatArray  # (crossings,) rad/s
 
 
-def _split(turns: FloatArray, deviation: FloatArray, speed: FloatArray, columns: _Columns) -> ControlParts:
-    change = np.diff(speed)
-    lag, interval, moved, start = _fit(turns, deviation, columns)
+def _columns(one: _Seen, recording: ControlTrace, rising: FloatArray, lagging: FloatArray) -> _Columns:
+    following = None if recording.following_error is None \
+        else -one.sense * np.diff(_at(one.levels, rising, recording.following_error))
+    saturated = np.zeros(one.turns.size, dtype=np.bool_) if recording.saturated is None \
+        else _touched(one.levels, rising, recording.saturated)
+    return _Columns(lagging, following, saturated)
+
+
+def _split(one: _Seen, columns: _Columns, expected: ExpectedLag | None) -> ControlParts:
+    speed = one.course[-one.turns.size - 1:]
+    lag, interval, moved, start = _fit(one.turns, one.deviation, columns)
     parts = {SPEED: moved, START: start}
-    rest = deviation - parts[SPEED] - parts[START]
+    rest = one.deviation - parts[SPEED] - parts[START]
     parts[SATURATION] = np.where(columns.saturated, rest, 0.0)
     rest = rest - parts[SATURATION]
     if columns.following is None:
-        parts[FOLLOWING] = np.zeros_like(deviation)
+        parts[FOLLOWING] = np.zeros_like(one.deviation)
     else:
         parts[FOLLOWING] = np.where(columns.saturated, 0.0, _beyond(columns, moved, start))
     parts[OTHER] = rest - parts[FOLLOWING]
-    return ControlParts(turns, deviation, change, speed[1:], parts, lag, interval,
-                        None if columns.expected is None else columns.expected.lag, columns.course)
+    return ControlParts(one.turns, one.deviation, np.diff(speed), speed[1:], parts, lag, interval,
+                        None if expected is None else expected.lag, one.course, one.start_angle)
 
 
 def _beyond(columns: _Columns, moved: FloatArray, start: FloatArray) -> FloatArray:
@@ -174,7 +200,7 @@ def _fit(turns: FloatArray, deviation: FloatArray,
     """(lag, its interval, part of the speed, part of the start) by least squares over the turns not saturated."""
     free = ~columns.saturated
     none = np.zeros_like(deviation)
-    if int(free.sum()) < _FEWEST_TURNS:
+    if int(free.sum()) < FEWEST_TURNS:
         return None, None, none, none
     transients = [np.exp(-(turns - turns[0]) / decay) for decay in DECAYS]
     best = _Fit(float(deviation[free] @ deviation[free]), None, (), np.zeros(0))
@@ -216,7 +242,7 @@ def _fitted(deviation: FloatArray, free: NDArray[np.bool_], lag: float | None,
 
 @compiled(nogil=True)
 def _lagging(rising: FloatArray, time: FloatArray, lag: float) -> FloatArray:
-    """(samples,) rad by which what follows with this lag runs behind, exact for an angle that is linear in between."""
+    """(samples,) m by which what follows with this lag runs behind, exact for a path that is linear in between."""
     behind = np.empty(rising.size)
     whole = time[-1] - time[0]
     behind[0] = lag * (rising[-1] - rising[0]) / whole if whole > 0.0 else 0.0
@@ -253,70 +279,3 @@ def _touched(levels: FloatArray, rising: FloatArray, saturated: NDArray[np.bool_
 def _sense(crossings: FloatArray) -> float:
     known = crossings[~np.isnan(crossings)]
     return -1.0 if known[-1] < known[0] else 1.0
-
-
-def control_document(found: ControlParts) -> dict[str, object]:
-    """As JSON, lengths in um, turn by turn."""
-    lag = {"lag_ms": found.lag, "expected_lag_ms": found.expected_lag}
-    return {
-        "shares": {name: round(share, 6) for name, share in found.shares.items()},
-        **{name: None if value is None else round(1e3 * value, 6) for name, value in lag.items()},
-        "lag_interval_ms": None if found.lag_interval is None else [round(1e3 * one, 6) for one in found.lag_interval],
-        "lag_agrees": found.lag_agrees,
-        "turns": [int(turn) for turn in found.turns.tolist()],
-        "speed_rpm": [round(from_si(value, "rpm"), 4) for value in found.speed.tolist()],
-        "deviation_um": [round(from_si(value, "um"), 6) for value in found.deviation.tolist()],
-        "parts_um": {name: [round(from_si(value, "um"), 6) for value in part.tolist()]
-                     for name, part in found.parts.items()},
-        "sentences": list(found.sentences()),
-    }
-
-
-def _of_speed(found: ControlParts) -> str:
-    told = (f"the spindle's speed changes: it {_largest_change(found)}, and the feed follows "
-            f"{1e3 * (found.lag or 0.0):.1f} ms late")
-    if found.expected_lag is not None:
-        word = "as expected" if found.lag_agrees else "not as expected"
-        told += f", {word} ({1e3 * found.expected_lag:.1f} ms)"
-    return f"{told}: raise Kv or the feedforward, or steady the spindle"
-
-
-def _largest_change(found: ControlParts) -> str:
-    """``drops by 30 rpm in turns 1 to 3, from 500 rpm``."""
-    speed, before = found.course, found.course.size - 1 - found.turns.size  # turns before those that were split
-    fall = np.maximum.accumulate(speed) - speed
-    rise = speed - np.minimum.accumulate(speed)
-    drops = fall.max() >= rise.max()
-    last = int(np.argmax(fall if drops else rise))
-    first = int((np.argmax if drops else np.argmin)(speed[:last + 1]))
-    change = from_si(float(abs(speed[last] - speed[first])), "rpm")
-    number = found.turns[0] - before
-    turns = f"turn {number + first:g}" if last - first <= 1 else f"turns {number + first:g} to {number + last - 1:g}"
-    entry = " at the entry" if first <= before <= last else ""
-    return (f"{'drops' if drops else 'rises'} by {change:.3g} rpm{entry}, in {turns}, from "
-            f"{from_si(float(speed[first]), 'rpm'):.4g} rpm")
-
-
-def _of_start(found: ControlParts) -> str:
-    return (f"the start's transient, {from_si(float(found.parts[START][0]), 'um'):.3g} um in turn {found.turns[0]:g}: "
-            "lengthen the approach or raise the acceleration")
-
-
-def _of_saturation(found: ControlParts) -> str:
-    turns = found.turns[found.parts[SATURATION] != 0.0]
-    return (f"the feed drive is at its torque limit up to turn {turns.max():g}: lower the speed or the load, or raise "
-            "the limit")
-
-
-def _of_following(found: ControlParts) -> str:
-    worst = int(np.argmax(np.abs(found.parts[FOLLOWING])))
-    return (f"the following error changes beyond what the speed does, by "
-            f"{from_si(float(found.parts[FOLLOWING][worst]), 'um'):.3g} um in turn {found.turns[worst]:g}: look for "
-            "load, friction or resonance; raise Kv or the stiffness of the velocity loop")
-
-
-def _of_other(found: ControlParts) -> str:
-    return "neither speed nor following error: look at the command, the detectors' counts and their jitter"
-
-
-_TEXTS = {SPEED: _of_speed, START: _of_start, SATURATION: _of_saturation, FOLLOWING: _of_following, OTHER: _of_other}

@@ -97,11 +97,12 @@ def hypotheses(data: Fluctuations, nominal: Nominal, candidates: Dictionary, sha
     return {one.cause: one for one in found}
 
 
-def decide(costs: dict[str, float]) -> str:
+def decide(costs: dict[str, float], moved: bool = False) -> str:
     """The cause that costs least, where no other does nearly as well; the simpler of two that do.
 
     Noise alone needs a small margin only: every cause has paid its price already. Where "both" wins over a single
-    cause by less than ``MARGIN``, the other cause is too small to be sure of, and the single one is named.
+    cause by less than ``MARGIN``, the other cause is too small to be sure of, and the single one is named. But where
+    the detectors surely saw the feed move (``moved``), mechanics alone are not the simpler explanation: it is both.
     """
     best = min(costs, key=lambda cause: costs[cause])
     if best == NONE:
@@ -110,7 +111,18 @@ def decide(costs: dict[str, float]) -> str:
     near = {cause for cause, cost in costs.items() if cost < costs[best] + MARGIN}
     if NONE in near or {CONTROL, MECHANICAL} <= near:
         return UNDETERMINED
+    if moved and {MECHANICAL, BOTH} <= near:
+        return BOTH
     return next((cause for cause in (CONTROL, MECHANICAL) if cause in near), best)
+
+
+def sure(costs: dict[str, float]) -> str:
+    """The single cause without which every explanation is worse by ``MARGIN``; empty where there is none, or both."""
+    least = min(costs.values())
+    parts = {CONTROL: (NONE, MECHANICAL), MECHANICAL: (NONE, CONTROL)}
+    found = [cause for cause, without in parts.items()
+             if all(costs[one] >= least + MARGIN for one in without if one in costs)]
+    return found[0] if len(found) == 1 else ""
 
 
 def _sights(data: Fluctuations, nominal: Nominal, candidates: Dictionary, measured: Explanation) -> list[Seen]:

@@ -9,17 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from threadpitch.judgement.alignment import (
-    MeasuredThread,
-    NominalThread,
-    Pair,
-    nearest_row,
-    nominal_row,
-    pairs,
-    pitches,
-)
+from threadpitch.judgement.alignment import MeasuredThread, Pair, pairs
 from threadpitch.judgement.assessment import Assessment, assess, evidence, of_the_whole
 from threadpitch.judgement.hypotheses import BOTH, CONTROL, MECHANICAL, NONE, UNDETERMINED
+from threadpitch.judgement.judged_rows import Row, doubts, rows_of, targets_of
 from threadpitch.judgement.verdict import JudgementError, Verdict
 from threadpitch.judgement.within_turn import drunkenness, measured_drunkenness
 from threadpitch.judgement.wording import advice, sentence
@@ -44,11 +37,13 @@ class _Question:
     target: float  # m
     uncertainty: float | None  # m
     screw_turns: float | None
+    negligible: float | None = None  # m, deviation of a pitch that does not matter
     parts: int = 1  # rows that are judged: as many times the shapes to choose from
 
 
 def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread | Sequence[MeasuredThread], *,
-          target: float, uncertainty: float | None = None, screw_lead: float | None = None) -> Verdict:
+          target: ArrayLike, uncertainty: float | None = None, screw_lead: float | None = None,
+          negligible: float | None = None) -> Verdict:
     """Cause of the fluctuation of a thread's pitches: control, mechanical, both, none or undetermined.
 
         P_measured(n) - P_ref = g (P_nominal(n) - P_ref) + rest(n) + noise,  g = 1 but for what the control cannot see
@@ -60,10 +55,14 @@ def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
         nominal: P(n) (revolutions,) m, or (start_angles, revolutions), or the table that ``thread_pitch`` makes.
         measured: P_n (revolutions,) m, or (start_angles, revolutions); NaN where a turn was not measured. Or measured
             threads with turn numbers, positions, uncertainties of their own; several for several start angles.
-        target: P_ref, m: the movement per revolution that was wanted (the lead).
+        target: P_ref, m: the movement per revolution that was wanted (the lead); of a thread with variable lead that of
+            every nominal turn, (revolutions,) or (start_angles, revolutions).
         uncertainty: standard uncertainty of one measured pitch, m; those of a measured thread win. That of the nominal
             pitches' crossings counts besides where their table has one.
         screw_lead: lead of the feed's ball screw, m: finds what repeats with its turns.
+        negligible: deviation of one pitch, m, that does not matter: a cause is called absent only where it surely makes
+            no larger one, else the verdict is undetermined. None: what is sure to be found in so many turns (5 to 6
+            uncertainties), or as much as the cause that is named.
 
     Tables of different length are laid over one another by turn numbers or positions, or where there are none, by
     their fluctuations, if those leave no doubt. More than ``MOST_TURNS`` turns are judged in stretches.
@@ -73,30 +72,30 @@ def judge(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread 
 
     Source: US 2016/0008901 A1, paragraphs 46 to 51.
     """
-    question = _question(target, uncertainty, screw_lead)
-    rows = _rows(nominal, measured)
+    targets = targets_of(target)
+    lead = float(np.nanmean(targets))
+    changes = float(np.nanmax(targets)) > float(np.nanmin(targets))  # the lead: no period of the screw, no mean w
+    question = _question(lead, uncertainty, None if changes else screw_lead, negligible)
+    rows = rows_of(nominal, measured, targets)
     question = replace(question, parts=len(rows))
     for row in rows:
         _plausible(row, question)
     verdicts = [_judge_row(row, question) for row in rows]
-    seen = drunkenness(nominal, target, _judged(verdicts)) if isinstance(nominal, PitchTable) else None
-    shown = measured_drunkenness([row.measured for row in rows], target)
-    verdicts = [replace(one, evidence=replace(one.evidence, within_turn=seen, measured_within_turn=shown))
-                for one in verdicts]
-    return verdicts[0] if len(verdicts) == 1 else together(verdicts)
+    seen = drunkenness(nominal, lead, _judged(verdicts)) if isinstance(nominal, PitchTable) and not changes \
+        else None
+    shown = measured_drunkenness([row.measured for row in rows], lead) if not changes else None
+    verdicts = [replace(one, evidence=replace(one.evidence, within_turn=seen, measured_within_turn=shown),
+                        notes=(*doubts(row, lead), *one.notes)) for row, one in zip(rows, verdicts, strict=True)]
+    return verdicts[0] if len(verdicts) == 1 else together(verdicts, negligible)
 
 
-@dataclass(frozen=True, eq=False)
-class _Row:
-    nominal: NominalThread
-    measured: MeasuredThread
-
-
-def _question(target: float, uncertainty: float | None, screw_lead: float | None) -> _Question:
-    for name, value in (("target", target), ("uncertainty", uncertainty), ("screw lead", screw_lead)):
+def _question(target: float, uncertainty: float | None, screw_lead: float | None,
+              negligible: float | None) -> _Question:
+    for name, value in (("target", target), ("uncertainty", uncertainty), ("screw lead", screw_lead),
+                        ("negligible deviation", negligible)):
         if value is not None and not 0.0 < value < 1.0:
             raise JudgementError(f"{name} is {value:g} m; give a positive length in m")
-    return _Question(target, uncertainty, None if screw_lead is None else target / screw_lead)
+    return _Question(target, uncertainty, None if screw_lead is None else target / screw_lead, negligible)
 
 
 def _judged(verdicts: list[Verdict]) -> tuple[int, int] | None:
@@ -105,7 +104,7 @@ def _judged(verdicts: list[Verdict]) -> tuple[int, int] | None:
     return (int(min(first for first, _ in spans)), int(max(last for _, last in spans))) if spans else None
 
 
-def _plausible(row: _Row, question: _Question) -> None:
+def _plausible(row: Row, question: _Question) -> None:
     """A wrong unit, the other sign or another thread is no fluctuation."""
     for name, values in (("nominal", row.nominal.pitch), ("measured", row.measured.pitch)):
         if np.isnan(values).all():
@@ -122,44 +121,7 @@ def _plausible(row: _Row, question: _Question) -> None:
                              "one pitch in m")
 
 
-def _rows(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread | Sequence[MeasuredThread]) -> \
-        list[_Row]:
-    if isinstance(measured, MeasuredThread):
-        measured = [measured]
-    if isinstance(measured, Sequence) and measured and isinstance(measured[0], MeasuredThread):
-        return [_row_of(nominal, one) for one in measured if isinstance(one, MeasuredThread)]
-    table = _two_dimensional(measured, "measured")
-    if isinstance(nominal, PitchTable):
-        seen = [replace(nominal_row(nominal, row), places=None) for row in range(len(nominal.pitch))]
-    else:
-        seen = [NominalThread(pitches(one, "nominal")) for one in _two_dimensional(nominal, "nominal")]
-    if len(table) == 1:
-        seen = seen[:1]
-    if len(seen) != len(table):
-        raise JudgementError(f"{len(table)} rows of measured pitches, {len(seen)} of nominal ones; give one row for "
-                             "each start angle")
-    return [_Row(one, MeasuredThread(pitches(other, "measured"))) for one, other in zip(seen, table, strict=True)]
-
-
-def _row_of(nominal: ArrayLike | PitchTable, measured: MeasuredThread) -> _Row:
-    if not isinstance(nominal, PitchTable):
-        return _Row(NominalThread(pitches(_two_dimensional(nominal, "nominal")[0], "nominal")), measured)
-    row = 0 if measured.start_angle is None else nearest_row(nominal, measured.start_angle)
-    return _Row(nominal_row(nominal, row), measured)
-
-
-def _two_dimensional(values: object, name: str) -> FloatArray:
-    try:
-        array = np.atleast_2d(np.ma.filled(np.ma.array(values, dtype=np.float64), np.nan))  # masked is missing
-    except (TypeError, ValueError):
-        raise JudgementError(f"{name} pitches are no array of numbers; give (turns,) in m, NaN where one is missing") \
-            from None
-    if array.ndim != 2:
-        raise JudgementError(f"{name} pitches have the shape {array.shape}; give (turns,) or (start_angles, turns)")
-    return array
-
-
-def _judge_row(row: _Row, question: _Question) -> Verdict:
+def _judge_row(row: Row, question: _Question) -> Verdict:
     measured = row.measured
     uncertainty = measured.uncertainty
     if uncertainty is None:
@@ -189,18 +151,18 @@ def _in_stretches(pair: Pair, question: _Question) -> Verdict:
     parts = [pair.only(pair.part(k, count)) for k in range(count)]
     verdicts = []
     for part in parts:
-        found = assess(part, question.target, question.screw_turns, count * question.parts)
-        verdicts.append(_worded(found.cause(), found, ()))
+        found = assess(part, question.screw_turns, count * question.parts)
+        verdicts.append(_worded(found.cause(question.negligible), found, ()))
     bounds = [f"{part.turns[0]:g} to {part.turns[-1]:g}" for part in parts]
-    chief = together(verdicts)
+    chief = together(verdicts, question.negligible)
     note = f"judged in {count} stretches: turns {', '.join(bounds)}; the parts of the rest are those of one of them"
-    return replace(chief, evidence=of_the_whole(chief.evidence, pair, question.target), notes=(note,))
+    return replace(chief, evidence=of_the_whole(chief.evidence, pair), notes=(note,))
 
 
-def _in_step(pair: Pair, row: _Row, uncertainty: FloatArray, question: _Question) -> Verdict:
+def _in_step(pair: Pair, row: Row, uncertainty: FloatArray, question: _Question) -> Verdict:
     """Tables of one length without turn numbers may still be numbered differently."""
-    found = assess(pair, question.target, question.screw_turns, question.parts)
-    cause = found.cause()
+    found = assess(pair, question.screw_turns, question.parts)
+    cause = found.cause(question.negligible)
     if row.measured.turn is None and row.measured.position is None and cause != NONE:
         for shift in SHIFTS:
             turns = np.arange(1.0, row.measured.pitch.size + 1.0) + shift
@@ -210,8 +172,8 @@ def _in_step(pair: Pair, row: _Row, uncertainty: FloatArray, question: _Question
             same = pair.only(np.isin(pair.turns + shift, other.turns))
             if _misfit(other) > _SHIFT_WORTH * _misfit(same):
                 continue
-            here = assess(same, question.target, question.screw_turns, question.parts)
-            there = assess(other, question.target, question.screw_turns, question.parts)
+            here = assess(same, question.screw_turns, question.parts)
+            there = assess(other, question.screw_turns, question.parts)
             if min(there.costs.values()) < min(here.costs.values()) - OUT_OF_STEP:
                 note = (f"shifted by {shift} turns the tables agree far better; number the turns of both, as the "
                         "nominal table does")
@@ -229,14 +191,14 @@ def _by_fluctuation(offered: list[Pair], question: _Question) -> Verdict:
     if len(offered) > MOST_OFFSETS:
         raise JudgementError(f"{offered[0].offset - offered[-1].offset:+.0f} turns between the lengths of the tables; "
                              "give the measured turns' numbers or positions")
-    tried = [assess(one, question.target, question.screw_turns, question.parts) for one in offered]
+    tried = [assess(one, question.screw_turns, question.parts) for one in offered]
     chance = 2.0 * math.log(len(offered))  # the best of many offsets fits better by chance
     costs = [{cause: cost + (chance if cause in (CONTROL, BOTH) else 0.0) for cause, cost in one.costs.items()}
              for one in tried]
     least = [min(one.values()) for one in costs]
     best = least.index(min(least))
     near = [i for i, cost in enumerate(least) if cost < least[best] + NEAR_OFFSETS]
-    causes = {tried[i].cause_at(costs[i]) for i in near}
+    causes = {tried[i].cause_at(costs[i], question.negligible) for i in near}
     if len(causes) > 1:
         raise JudgementError(f"the {offered[0].measured.size} measured turns fit the nominal ones in {len(near)} "
                              f"places, with different verdicts ({', '.join(sorted(causes))}); give their turn numbers "
@@ -251,7 +213,7 @@ def _by_fluctuation(offered: list[Pair], question: _Question) -> Verdict:
 def _too_few(pair: Pair, question: _Question) -> Verdict:
     if pair.turns.size == 0:
         raise JudgementError("no turn is in both tables; number the measured turns as the nominal table does")
-    found = evidence(assess(pair, question.target, question.screw_turns, question.parts), UNDETERMINED)
+    found = evidence(assess(pair, question.screw_turns, question.parts), UNDETERMINED)
     text = f"Undetermined: {pair.turns.size} turns are in both tables, and fewer than {FEWEST_TURNS} tell nothing."
     return Verdict(UNDETERMINED, text, ("Measure more turns.",), found)
 
@@ -267,8 +229,10 @@ def _likeliest_noise(one: Verdict) -> bool:
     return bool(costs) and min(costs, key=lambda cause: costs[cause]) == NONE and one.evidence.movement == 0.0
 
 
-def together(verdicts: list[Verdict]) -> Verdict:
+def together(verdicts: list[Verdict], negligible: float | None = None) -> Verdict:
     """One verdict on several start angles, flanks or stretches: a cause that one of them shows is there.
+
+    One that is not named must be negligible, m, in all of them, where that is told.
 
     Where noise is the likeliest in all of them, and surely in most, that some are less sure is to be expected.
     """
@@ -286,4 +250,9 @@ def together(verdicts: list[Verdict]) -> Verdict:
         text = "Some of the rows show the control, others mechanics: both."
         return replace(chief, cause=cause, sentence=text, rows=tuple(verdicts),
                        advice=tuple(dict.fromkeys(line for one in verdicts for line in one.advice)))
-    return replace(chief, rows=tuple(verdicts))
+    told = replace(chief.evidence, bound=max(one.evidence.bound for one in verdicts)) if cause != BOTH else \
+        chief.evidence
+    if negligible is not None and cause != BOTH and told.bound > negligible:
+        cause = UNDETERMINED
+    return replace(chief, cause=cause, evidence=told, sentence=sentence(cause, told), advice=advice(cause, told),
+                   rows=tuple(verdicts))

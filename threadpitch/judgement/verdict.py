@@ -67,6 +67,8 @@ class Evidence:
     span: tuple[float, float] = (math.nan, math.nan)  # first and last turn that both tables have, as the nominal one
     movement: float = 0.0  # m, root mean square of what the control surely moves the feed by; 0 = it only jitters
     detectable: float = math.nan  # m: a single turn off by less than this may be taken for noise
+    bound: float = math.nan  # m, of 95 %: no deviation by a cause that is not named is larger; NaN where both are
+    sure: str = ""  # the cause without which nothing explains the thread, also where the other one is left open
     costs: dict[str, float] = field(default_factory=dict)  # minus twice the logarithm of each cause's likelihood
 
     @property
@@ -116,6 +118,8 @@ def verdict_document(verdict: Verdict) -> dict[str, object]:
             "irregular_um": _um(found.irregular),
             "movement_um": _um(found.movement),
             "detectable_um": _um(found.detectable),
+            "bound_um": _um(found.bound),
+            "sure": found.sure,
             "within_turn_um": None if found.within_turn is None else _um(found.within_turn),
             "measured_within_turn_um": _lengths(found.measured_within_turn),
             "costs": {cause: round(cost, 3) for cause, cost in found.costs.items()},
@@ -161,7 +165,8 @@ def read_verdict(document: Mapping[str, Any]) -> Verdict:
         within_turn=None if told["within_turn_um"] is None else _metres(told["within_turn_um"]),
         measured_within_turn=_both(told["measured_within_turn_um"]),
         span=(_number(told["first_turn"]), _number(told["last_turn"])), movement=_metres(told["movement_um"]),
-        detectable=_metres(told["detectable_um"]), costs=dict(told["costs"]))
+        detectable=_metres(told["detectable_um"]), costs=dict(told["costs"]),
+        bound=_metres(told.get("bound_um")), sure=told.get("sure", ""))  # kept verdicts of former versions lack them
     return Verdict(document["cause"], document["sentence"], tuple(document["advice"]), evidence,
                    tuple(document["notes"]), tuple(read_verdict(row) for row in document["rows"]))
 

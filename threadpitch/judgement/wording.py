@@ -35,21 +35,36 @@ def sentence(cause: str, found: Evidence) -> str:
         jitter = (" The nominal pitches fluctuate, but the thread does not: their detectors jitter."
                   if found.nominal_jitter > 2.0 * found.uncertainty else "")
         return (f"None: the measured fluctuation of {size} is what a measuring uncertainty of {_um(found.uncertainty)} "
-                f"um makes; a single turn that is off by less than {_um(found.detectable)} um need not show.{jitter}")
+                f"um makes; no pitch is off by more than {_um(found.bound)} um (95 %).{jitter}")
     if cause == CONTROL:
         return (f"Control: the fluctuation of {size} follows the nominal pitches{_gain(found)}, and what they leave is "
-                f"within the measuring uncertainty of {_um(found.uncertainty)} um.")
+                f"within the measuring uncertainty of {_um(found.uncertainty)} um: at most {_um(found.bound)} um in "
+                "any turn (95 %).")
     if cause == MECHANICAL:
         return f"Mechanical: the fluctuation of {size} is not in the nominal pitches; it is {_rest(found)}."
     if cause == BOTH:
         return (f"Both: {100.0 * found.control_share:.0f} % of the fluctuation of {size} is the nominal pitches'"
                 f"{_gain(found)}; the rest is {_rest(found)}.")
-    if found.movement > 0.0 and min(found.costs, key=lambda one: found.costs[one]) == NONE:
-        return (f"Undetermined: the control moves the feed by {_um(found.movement)} um rms, which a fluctuation of "
-                f"{size} at a measuring uncertainty of {_um(found.uncertainty)} um neither shows nor excludes.")
+    return f"Undetermined: {_open(size, found)}"
+
+
+def _open(size: str, found: Evidence) -> str:
+    """What is known where no cause can be named."""
+    likeliest = min(found.costs, key=lambda one: found.costs[one])
+    known = f"a fluctuation of {size} at a measuring uncertainty of {_um(found.uncertainty)} um"
+    if found.movement > 0.0 and likeliest == NONE:
+        return (f"the control moves the feed by {_um(found.movement)} um rms, which {known} neither shows nor "
+                f"excludes; no pitch is off by more than {_um(found.bound)} um (95 %).")
+    if found.sure:
+        other = "a mechanical part" if found.sure == CONTROL else "the control's part"
+        return (f"at least {found.sure}: {known} shows it, but neither shows nor excludes {other}, of up to "
+                f"{_um(found.bound)} um in a turn (95 %).")
+    if likeliest == NONE:
+        return (f"noise explains {known} and {found.turns} turns, but does not exclude what matters: a pitch may be "
+                f"off by {_um(found.bound)} um (95 %).")
     near = sorted(found.costs, key=lambda one: found.costs[one])[:2]
-    return (f"Undetermined: a fluctuation of {size} at a measuring uncertainty of {_um(found.uncertainty)} um "
-            f"and {found.turns} turns does not tell {' from '.join(near)}.")
+    return f"{known} and {found.turns} turns does not tell {' from '.join(near)}."
+
 
 def advice(cause: str, found: Evidence) -> tuple[str, ...]:
     """What to adjust or check, the likeliest first."""

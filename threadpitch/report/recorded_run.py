@@ -45,8 +45,9 @@ class _Folder:
             return thread
         try:
             control = verdict["control"]
-            sentences = control["sentences"] if control.get("shows") else ()
-            told = [f"Where in the control: {sentence}" for sentence in sentences]
+            lines = control.get("lines")  # runs of former versions told the first start angle only
+            told = [] if not control.get("shows") else [line.strip() for line in lines] if lines else \
+                [f"Where in the control: {sentence}" for sentence in control["sentences"]]
             return replace(thread, verdict=read_verdict(verdict), notes=(*thread.notes, *told))
         except (KeyError, TypeError, AttributeError, IndexError) as error:
             raise ReportError(f"{self.path / 'result.json'}: the verdict is damaged ({error}); run again") from None
