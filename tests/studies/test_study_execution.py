@@ -246,6 +246,7 @@ def test_a_queue_gets_jobs_of_workers() -> None:
     with job_queue({"kind": "slurm", "jobs": 4, "cores": 2, "memory": "4GB", "walltime": "01:00:00",
                     "queue": "short", "interface": "lo"}) as cluster:
         script = cluster.job_script()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert "#SBATCH -p short" in script
     assert "#SBATCH -t 01:00:00" in script
     assert "distributed.cli.dask_worker" in script
