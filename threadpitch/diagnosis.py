@@ -33,7 +33,9 @@ from threadpitch.units import from_si
 
 UNCERTAINTY = 1e-6  # m, standard, of one pitch: what a good coordinate measuring machine reaches
 _DETECTED = ("spindle.encoder_angle", f"{Z_DRIVE}.measured_position")
-_FLANKS = {"negative_z": 1, "positive_z": 2}
+_CHIPS = {"negative_z": "cutting.chip_thickness[1]", "positive_z": "cutting.chip_thickness[2]"}  # by flank
+_CUTTING = ("cutting.groove_depth", f"{CONTROLLER}.threading")
+DECIDING = (*_CHIPS.values(), *_CUTTING)  # tell which pass left the groove
 _EXPONENTIAL = 0  # a value of the controller's start_mode
 _BALL_SCREW = 1  # of the drive's drive_type
 _AT_THE_LIMIT = 0.999
@@ -85,13 +87,10 @@ def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
     if not {NOMINAL, ACTUAL} <= set(simulation.calculators) or not simulation.passes:
         return None
     left = _left_by(simulation)
-    targets = left.table.pitch - left.deviation  # (start_angles, revolutions)
-    target = float(targets[np.isfinite(targets)][0])
+    targets, target = _targets(left)
     threads: tuple[MeasuredThread, ...] = ()
     if plan is None:
-        nominal, actual = _both(left, simulation)
-        verdict = judge(nominal, actual, target=targets[:, :actual.shape[1]] if left.variable else target,
-                        uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
+        verdict = _of_groove(simulation, left, uncertainty)
     elif left.variable:
         raise JudgementError("a thread whose lead changes is judged without a measuring plan; leave --measure out")
     else:
@@ -99,6 +98,19 @@ def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
         verdict = _of_flanks(simulation, plan, threads, target)
     controls, why_not = _control(simulation, left, targets if left.variable else target)
     return Diagnosis(left.number, target, uncertainty, verdict, controls, threads, why_not)
+
+
+def verdict_on_groove(simulation: Simulation, *, uncertainty: float = UNCERTAINTY) -> Verdict:
+    """The verdict alone, as ``diagnose`` without a plan gives it; ``DECIDING`` and what is watched must be recorded.
+
+    Raises:
+        JudgementError: the pitches cannot be judged, or there are none.
+    """
+    if not {NOMINAL, ACTUAL} <= set(simulation.calculators):
+        raise JudgementError(f"the system does not calculate both pitches; it needs {NOMINAL} and {ACTUAL}")
+    if not simulation.passes:
+        raise JudgementError(simulation.why_no_turn())
+    return _of_groove(simulation, _left_by(simulation), uncertainty)
 
 
 def diagnosis_document(found: Diagnosis) -> dict[str, object]:
@@ -126,8 +138,8 @@ def _left_by(simulation: Simulation, flank: str = "") -> Pass:
     Where the chips were not recorded: the last pass that is not a spring pass.
     """
     passes = simulation.passes
-    names = [f"cutting.chip_thickness[{number}]" for name, number in _FLANKS.items() if flank in ("", "middle", name)]
-    if not all(name in simulation for name in (*names, "cutting.groove_depth", f"{CONTROLLER}.threading")):
+    names = [chip for name, chip in _CHIPS.items() if flank in ("", "middle", name)]
+    if not all(name in simulation for name in (*names, *_CUTTING)):
         return next((one for one in reversed(passes) if one.kind != "spring"), passes[-1])
     for one in reversed(passes):
         rows = recorded_rows(simulation, one, names)
@@ -143,9 +155,24 @@ def _screw_lead(simulation: Simulation) -> float | None:
     return simulation.parameter(f"{Z_DRIVE}.screw_lead") if ball_screw else None
 
 
+def _of_groove(simulation: Simulation, left: Pass, uncertainty: float) -> Verdict:
+    nominal, actual = _both(left, simulation)
+    targets, target = _targets(left)
+    return judge(nominal, actual, target=targets[:, :actual.shape[1]] if left.variable else target,
+                 uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
+
+
+def _targets(one: Pass) -> tuple[FloatArray, float]:
+    """The pass's targets, (start_angles, revolutions) m, and the first of them."""
+    targets = one.table.pitch - one.deviation
+    return targets, float(targets[np.isfinite(targets)][0])
+
+
 def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, FloatArray]:
     """Nominal and actual pitches (start_angles, turns) m of the same turns, NaN outside of the metal."""
-    other = next(one for one in simulation.passes_of(ACTUAL) if one.number == left.number)
+    other = next((one for one in simulation.passes_of(ACTUAL) if one.number == left.number), None)
+    if other is None:
+        raise JudgementError("no turn of the groove was completed; choose a longer stop time")
     turns = min(left.table.pitch.shape[1], other.table.pitch.shape[1])
     inside = left.in_metal[:, :turns]
     nominal = np.where(inside, left.table.pitch[:, :turns], np.nan)

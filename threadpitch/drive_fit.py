@@ -30,6 +30,7 @@ _LEAST_ROWS = 50
 _UNEVEN = 0.01  # of the period, by which rows may be early or late
 _KNOWABLE = 0.5  # relative standard uncertainty above which a parameter is not told by the recording
 _SPREAD = (0.5, 1.5)  # beginnings of the search, parts of what one step of the recording tells
+_FIRST_SCALE = 1e-6  # m, by which the first positions may be wrong, for the search
 _FASTEST = 0.9  # Kv Ts up to which the loop is searched: it becomes unstable at 2
 
 
@@ -72,10 +73,14 @@ def fit(time: ArrayLike, command: ArrayLike, position: ArrayLike, *, free: Seque
     recording = _Recording.of(time, command, position)
     _check_free(free, known or {})
     fixed = {"lag": 0.0, "feedforward": 0.0, **(known or {})}
-    best = min((_search(recording, free, fixed, gain) for gain in _beginnings(recording)),
-               key=lambda found: float(found.cost))
-    uncertainty = _uncertainty(best.jac, best.fun)
-    values = {**fixed, **dict(zip(free, (float(value) for value in best.x), strict=True))}
+    begin = {"lag": 3.0 * recording.period, "feedforward": 0.0}
+    rough = min((_search(recording, free, fixed, [{**begin, "gain": gain}[name] for name in free])
+                 for gain in _beginnings(recording)), key=lambda found: float(found.cost))
+    # The first positions were measured like the others. Taken as they are, their errors would move all that follows
+    # alike, which no residual tells.
+    best = _search(recording, free, fixed, [*rough.x, 0.0, 0.0])
+    uncertainty = _uncertainty(best.jac, best.fun)[:len(free)]
+    values = {**fixed, **dict(zip(free, best.x[:len(free)].tolist(), strict=True))}
     told = dict(zip(free, uncertainty.tolist(), strict=True))
     _check_told(values, told, recording)
     residual = float(np.sqrt(np.mean(best.fun**2)))
@@ -164,40 +169,52 @@ def _beginnings(recording: _Recording) -> list[float]:
 
 
 def _search(recording: _Recording, free: Sequence[str], fixed: Mapping[str, float],
-            gain: float) -> scipy.optimize.OptimizeResult:
-    """Least squares from one beginning of the gain."""
-    begin = {"gain": gain, "lag": 3.0 * recording.period, "feedforward": 0.0}
+            begin: Sequence[float]) -> scipy.optimize.OptimizeResult:
+    """Least squares from values of what is free; two more are what the positions that the model begins with are off."""
+    count, gain = len(free), begin[0] if free[0] == "gain" else fixed.get("gain", 1.0)
     bounds = {"gain": (0.0, _FASTEST / recording.period), "lag": (0.0, float(np.ptp(recording.time))),
               "feedforward": (-1.0, 2.0)}
     scale = {"gain": gain or 1.0, "lag": recording.period, "feedforward": 0.1}
 
     def residuals(values: FloatArray) -> FloatArray:
-        model = {**fixed, **dict(zip(free, values.tolist(), strict=True))}
+        model = {**fixed, **dict(zip(free, values[:count].tolist(), strict=True))}
+        first = recording.position[:2] + (values[count:] if values.size > count else 0.0)
         with np.errstate(over="ignore", invalid="ignore"):
-            found = recording.position - follow(recording.command, recording.position[:2], model, recording.period)
+            found = recording.position - follow(recording.command, first, model, recording.period)
         return np.nan_to_num(found, nan=1e6, posinf=1e6, neginf=-1e6)  # an unstable loop is far away from all
 
-    low, high = ([bounds[name][end] for name in free] for end in (0, 1))
+    more = len(begin) - count
+    low, high = ([bounds[name][end] for name in free] + [far] * more for end, far in ((0, -math.inf), (1, math.inf)))
     return scipy.optimize.least_squares(
-        residuals, [begin[name] for name in free], bounds=(low, high),
-        x_scale=[scale[name] for name in free], jac="3-point", xtol=1e-12, ftol=1e-12, gtol=1e-12)
+        residuals, begin, bounds=(low, high), x_scale=[*(scale[name] for name in free), *[_FIRST_SCALE] * more],
+        jac="3-point", xtol=1e-12, ftol=1e-12, gtol=1e-12)
 
 
 def _uncertainty(jacobian: FloatArray, residuals: FloatArray) -> FloatArray:
-    """Standard uncertainties: the diagonal of (J'J)^-1 S (J'J)^-1, S = sum over lags l of w(l) sum J'(k) e(k) e(k+l) J.
+    """Standard uncertainties: the diagonal of (J'J)^-1 S (J'J)^-1, the greater one of two estimates of S, of
 
+        S = sum over lags l of w(l) sum over k of J'(k) e(k) e(k+l) J(k+l)          (Newey and West)
+        S = sum over lags l of w(l) c(l) sum over k of J'(k) J(k+l),  c(l) = mean of e(k) e(k+l)
+
+    The first holds where residuals are not alike everywhere. But a lag shows in the few rows after a change of speed
+    only, and so few residuals, which the fit has made small besides, say less of the noise than all do: the second.
     w falls from 1 to 0 within L lags (Bartlett), L from the residuals' own correlation time.
     """
-    count = residuals.size
+    count, scale = residuals.size, np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0.0] = 1.0
+    jacobian = jacobian / scale  # columns of one size: the pseudo-inverse takes very small ones for nothing
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     scores = jacobian * residuals[:, None]  # (n, parameters)
     lags = min(count // 4, max(int(4.0 * (count / 100.0) ** (2.0 / 9.0)), int(10.0 * _correlation_time(residuals))))
-    inner = scores.T @ scores
+    inner, alike = scores.T @ scores, float(np.mean(residuals**2)) * (jacobian.T @ jacobian)
     for lag in range(1, lags + 1):
         cross = scores[lag:].T @ scores[:-lag]
         inner += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
+        cross = float(residuals[lag:] @ residuals[:-lag]) / count * (jacobian[lag:].T @ jacobian[:-lag])
+        alike += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
     freedom = count / max(1, count - jacobian.shape[1])
-    return np.asarray(np.sqrt(np.maximum(0.0, np.diag(inverse @ inner @ inverse)) * freedom))
+    variances = [np.diag(inverse @ one @ inverse) for one in (inner, alike)]
+    return np.asarray(np.sqrt(np.maximum(0.0, np.maximum(*variances)) * freedom) / scale)
 
 
 def _correlation_time(residuals: FloatArray) -> float:

@@ -36,7 +36,6 @@ from threadpitch.pitch import PitchTable
 from threadpitch.replacement import replacements
 from threadpitch.roles import X_DRIVE, Z_DRIVE, Roles
 from threadpitch.units import from_si
-from threadpitch.workpiece import tapered
 
 DEFAULT_SYSTEM = "models/threading_lathe"
 NOMINAL = "nominal_pitch"  # names in the lathe's SSD
@@ -250,8 +249,6 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
         watch = roles.watch if turned is None else \
             replaced(roles.watch, look=LiveTurns(roles.calculators, turned))
         chosen = roles.parameters(parameters or {}, start_angles)
-        chosen |= {name: value for name, value in tapered(plan, chosen, roles.cutters).items()
-                   if name not in (parameters or {})}
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
         result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
                                 record_every=record_every, record_on=record_on, watch=watch, results=results,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from threadpitch.cosim import Plan, Watch
 from threadpitch.cosim.values import Given
 from threadpitch.passes import CONTROLLER, TOLD, WORKPIECE
-from threadpitch.workpiece import following
+from threadpitch.workpiece import ProgrammedThread, following
 
 Z_DRIVE, X_DRIVE = "z_drive", "x_drive"  # names in the lathe's SSD
 
@@ -24,7 +24,8 @@ DIAGNOSED = {
 class Roles:
     """Components by what they do, which their variables tell.
 
-    ``limits`` name what a warning of too slow axes and a diagnosis need, ``alarms`` the controllers' alarms.
+    ``limits`` name what a warning of too slow axes and a diagnosis need, ``alarms`` the controllers' alarms;
+    ``thread`` is the one that the controller cuts unless it is given another.
     """
 
     calculators: tuple[str, ...]
@@ -32,6 +33,7 @@ class Roles:
     cutters: tuple[str, ...]
     limits: tuple[str, ...]
     alarms: tuple[str, ...]
+    thread: ProgrammedThread
 
     @classmethod
     def of(cls, plan: Plan) -> Roles:
@@ -46,7 +48,7 @@ class Roles:
         controllers = having("z_face", "start_number")
         alarms = tuple(f"{name}.alarm" for name in controllers if "alarm" in variables[name])
         return cls(having("completed_pitch[1]"), controllers, having("surface_radius", "groove_position"), limits,
-                   alarms)
+                   alarms, ProgrammedThread.of(plan))
 
     @property
     def watch(self) -> Watch:
@@ -69,4 +71,7 @@ class Roles:
         if start_angles is not None:
             for name in self.calculators:
                 angles |= {f"{name}.start_angle_count": len(start_angles), f"{name}.start_angle": list(start_angles)}
-        return following({**given, **angles}, self.calculators, self.cutters) | {**given, **angles}
+        chosen = {**given, **angles}
+        workpiece = {f"{name}.{variable}": value for variable, value in self.thread.tapered(chosen).items()
+                     for name in self.cutters}
+        return following(chosen, self.calculators, self.cutters) | workpiece | chosen

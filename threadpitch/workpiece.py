@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from threadpitch.cosim import Plan, check
-from threadpitch.cosim.values import Given
+from threadpitch.cosim import Plan
+from threadpitch.cosim.conversion import Known
+from threadpitch.cosim.values import Given, VariableValueError, from_si
+from threadpitch.cosim.variable import FmuVariable
 from threadpitch.passes import CONTROLLER
+from threadpitch.units import unit
 
 STEEPEST = 1.0  # of a surface: 45 degrees, where the lead changes its axis
+_TAPERED = ("taper", "z_start", "z_end", "z_face", "x_surface")
 _NAMES = ("x_clear", "x_thread", "x_surface", "z_start", "z_end", "taper")
 
 
@@ -43,17 +48,46 @@ def workpiece_of(chosen: Mapping[str, Given]) -> dict[str, Given]:
     return made
 
 
-def tapered(plan: Plan, chosen: Mapping[str, Given], cutters: Sequence[str]) -> dict[str, Given]:
-    """The workpiece of a tapered thread: r(z) = x_surface + slope (z - z_end), slope = taper / (z_start - z_end)."""
-    if f"{CONTROLLER}.taper" not in chosen:
-        return {}
-    names = ("taper", "z_start", "z_end", "z_face", "x_surface")
-    values = {name: plan.descriptions[CONTROLLER].variables[name].start or 0.0 for name in names}
-    settings = check(plan.system, plan.descriptions, chosen).settings
-    values |= {one.variable.name: float(one.value) for one in settings
-               if one.component == CONTROLLER and one.variable.name in values}
-    along = values["z_start"] - values["z_end"]
-    slope = values["taper"] / along if along else 0.0
-    return {f"{name}.{variable}": value for name in cutters for variable, value in (
-        ("taper", slope), ("surface_radius", values["x_surface"] + slope * (values["z_face"] - values["z_end"])))
-        if f"{name}.{variable}" not in chosen or f"{CONTROLLER}.x_surface" in chosen}
+@dataclass(frozen=True)
+class ProgrammedThread:
+    """The controller's thread as the system states it, (name -> m), and what reads other values of its ``variables``.
+
+    Empty where the system has no such controller.
+    """
+
+    variables: Mapping[str, FmuVariable]
+    values: Mapping[str, float]
+    unit: Known
+
+    @classmethod
+    def of(cls, plan: Plan) -> ProgrammedThread:
+        """That of a checked system."""
+        description = plan.descriptions.get(CONTROLLER)
+        if description is None or not description.variables.keys() >= set(_TAPERED):
+            return cls({}, {}, unit)
+        variables = {name: description.variables[name] for name in _TAPERED}
+        values = {name: float(variable.start or 0.0) for name, variable in variables.items()}
+        values |= {one.variable.name: float(one.value) for one in plan.settings
+                   if one.component == CONTROLLER and one.variable.name in values}
+        return cls(variables, values, description.unit)
+
+    def tapered(self, chosen: Mapping[str, Given]) -> dict[str, Given]:
+        """``taper`` and ``surface_radius`` of the workpiece, where the thread's taper is chosen.
+
+        r(z) = x_surface + slope (z - z_end),  slope = taper / (z_start - z_end),  surface_radius = r(z_face)
+
+        Nothing where a chosen value is none, which whoever sets it tells, or the taper is steeper than 45 degrees.
+        """
+        if f"{CONTROLLER}.taper" not in chosen or not self.variables:
+            return {}
+        try:
+            values = {**self.values, **{name: float(from_si(chosen[f"{CONTROLLER}.{name}"], variable, self.unit))
+                                        for name, variable in self.variables.items()
+                                        if f"{CONTROLLER}.{name}" in chosen}}
+        except VariableValueError:
+            return {}
+        along = values["z_start"] - values["z_end"]
+        if abs(values["taper"]) > STEEPEST * abs(along) or along == 0.0:
+            return {}
+        slope = values["taper"] / along
+        return {"taper": slope, "surface_radius": values["x_surface"] + slope * (values["z_face"] - values["z_end"])}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 import time as clock
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -199,3 +201,12 @@ def test_ctrl_c_between_chunks_of_the_kernel(probe_fmu: Path) -> None:
                  progress=lambda done, steps: signal.raise_signal(signal.SIGINT) if done > 1000 else None)
     assert error.value.result is not None
     assert error.value.result.steps == int(error.value.time) > 1000
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="interval timers are of POSIX")
+def test_an_exception_at_the_edge_of_compiled_code_crashes_nothing(probe_fmu: Path) -> None:
+    """A second Ctrl-C raises wherever Python runs, that is also while a compiled loop hands back what it found."""
+    told = subprocess.run([sys.executable, "-m", "tests.cosim.signalled_kernel", str(probe_fmu)], text=True,
+                          capture_output=True, cwd=Path(__file__).parent.parent.parent, check=False)
+    assert told.returncode == 0, told.stderr
+    assert int(told.stdout) == 2000

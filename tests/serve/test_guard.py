@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
 from tests.serve.conftest import HOSTILE, PARTS, Stored, part
+from threadpitch.runs.study import study_run
 from threadpitch.serve.guard import COOKIE, Access
 from threadpitch.serve.server import application
+from threadpitch.store import open_store
+from threadpitch.studies import Place, study
 
 TOKEN = "0123456789abcdef"
 BASE = "http://127.0.0.1:8765"
@@ -137,3 +142,19 @@ def test_filters_choose_runs_and_hostile_ones_choose_none(client: Client, stored
     assert HOSTILE not in text
     assert "&lt;img src=x onerror=window.hacked=1&gt;" in text
     assert stored.store.count() >= PARTS + 2
+
+
+def test_a_stored_study_is_shown(tmp_path: Path) -> None:
+    """Its sentences and tables, as ``store show`` prints them; what an older version kept is told."""
+    document = {"study": {"system": "none", "name": "<b>lengths</b>"}, "parameters": {"a": ["1mm", "2mm"]},
+                "outcomes": {"y": "a"}, "limits": {"y": "1.5mm"}}
+    kept = study_run(study(document, output=tmp_path / "study", place=Place(workers=0)), "lengths.toml")
+    pages = []
+    for name, run in (("runs", kept), ("older", replace(kept, provenance={}))):
+        with open_store(str(tmp_path / f"{name}.db")) as store:
+            pages.append(Client(Stored(store, "", 0, 0)).get(f"/run/{store.add(run)}"))
+    assert [page.status_code for page in pages] == [200, 200]
+    assert "Within all limits: 50.00 % of 2 rows" in pages[0].text
+    assert "<td>y &lt;= 1.5 mm</td><td>50.00 %</td>" in pages[0].text
+    assert "<b>lengths" not in pages[0].text
+    assert "Nothing of this study" in pages[1].text

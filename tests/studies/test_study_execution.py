@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import signal
@@ -20,6 +21,8 @@ import pytest
 from tests.benchmarks.bench_killed_workers import definition, own_workers
 from tests.conftest import Command
 from threadpitch import simulate, studies
+from threadpitch.diagnosis import diagnose
+from threadpitch.faults import read_fault
 from threadpitch.store import open_store
 from threadpitch.studies import Place, StudyError, study
 from threadpitch.studies.cluster import job_queue
@@ -180,6 +183,31 @@ def test_statistics_of_a_thread(tmp_path: Path) -> None:
     assert 1 <= found["first"] <= found["turns"] <= 20
 
 
+@pytest.mark.parametrize("given", [
+    {"controller.taper": "-0.4mm", "controller.z_end": "-12mm", "controller.x_surface": 0.0101},
+    dict(read_fault("hard_spot").parameters),
+], ids=["tapered", "fault"])
+def test_a_row_is_what_run_gives(tmp_path: Path, given: dict[str, Any]) -> None:
+    """Parameters, fixed or varied, in words or SI: pitches, groove and cause are those of a simulation by itself."""
+    varied = {"z_drive.position_gain": [20, 40], "controller.commanded_speed": ["700rpm"]}
+    document = {"study": {"stop_time": 2.2, "start_angles_deg": [0, 90]}, "parameters": varied, "fixed": given,
+                "outcomes": {"worst": "actual.max_deviation", "cause": "cause",
+                             "chip": "max(cutting.chip_thickness[1])", "depth": "max(cutting.groove_depth)",
+                             "torque": "sum(cutting.torque)"}}
+    rows = study(document, output=tmp_path, place=HERE).table.to_pylist()
+    for row in rows:
+        alone = simulate(parameters={**given, **{name: row[name] for name in varied}}, stop_time=2.2,
+                         start_angles=(0.0, math.radians(90.0)))
+        verdict, groove = diagnose(alone), alone.passes_of("actual_pitch")[0]
+        assert verdict is not None
+        assert row["cause"] == verdict.verdict.cause
+        assert row["worst"] == abs(groove.deviation[groove.in_metal]).max()
+        assert row["chip"] == alone["cutting.chip_thickness[1]"].max()
+        assert row["depth"] == alone["cutting.groove_depth"].max()
+        assert row["torque"] == alone["cutting.torque"].sum()
+    assert rows[0]["worst"] != rows[1]["worst"]
+
+
 def test_examples_are_studies() -> None:
     page = (ROOT / "docs" / "studies.md").read_text(encoding="utf-8")
     example = re.findall(r"^```toml\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[0]
@@ -218,6 +246,7 @@ def test_a_queue_gets_jobs_of_workers() -> None:
     with job_queue({"kind": "slurm", "jobs": 4, "cores": 2, "memory": "4GB", "walltime": "01:00:00",
                     "queue": "short", "interface": "lo"}) as cluster:
         script = cluster.job_script()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert "#SBATCH -p short" in script
     assert "#SBATCH -t 01:00:00" in script
     assert "distributed.cli.dask_worker" in script
@@ -250,3 +279,21 @@ def test_command(threadpitch: Command, workplace: Path) -> None:
         assert refused.status == 2, arguments
         assert why in refused.err
         assert refused.err.count("\n") == 1
+
+
+def test_status_tells_of_rows_that_failed(threadpitch: Command, workplace: Path) -> None:
+    """All: 2, one line, and what was computed is kept. Some: 0, and how many."""
+    Path("study.toml").write_text('[study]\nsystem = "none"\n[parameters]\na = [2, 4, 5]\n[outcomes]\n'
+                                  'root = "sqrt(3 - a)"\n')
+    some = threadpitch("study", "study.toml", "--workers", 0, "--output", "some")
+    assert some.status == 0
+    assert "Study study: 3 of 3 rows, 2 of them failed" in some.out
+    assert "row 1 and 1 more: outcome root is not a number (NaN)" in some.out
+    Path("study.toml").write_text('[study]\nsystem = "none"\n[parameters]\na = [4, 5]\n[outcomes]\n'
+                                  'root = "sqrt(3 - a)"\n')
+    for arguments, how_many in ((["--shard", "1/2"], "so far all 1 rows"), (["--json"], "all 2 rows")):
+        told = threadpitch("study", "study.toml", "--workers", 0, "--output", "all", *arguments)
+        assert (told.status, told.out, told.err.count("\n")) == (2, "", 1)
+        assert f"study.toml: {how_many} failed, row 0" in told.err
+        assert "outcome root is not a number (NaN); they are kept in all; mend" in told.err
+    assert Path("all/study.parquet").is_file()

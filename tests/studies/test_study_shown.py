@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,8 @@ import pytest
 
 from tests.conftest import Command
 from threadpitch import studies
-from threadpitch.studies import Place, StudyError, kept, study
+from threadpitch.studies import Place, StudyError, kept, study, study_of
+from threadpitch.studies.evaluation import Evaluator
 from threadpitch.studies.expression import Expression
 from threadpitch.studies.shown_units import expression_unit
 from threadpitch.study_report import sentences, study_tables
@@ -171,3 +173,22 @@ def test_interrupt_keeps_what_is_done_and_the_same_command_goes_on(workplace: Pa
     assert len(computed) == interrupted.missing
     for number in (interrupted.table["row"][0].as_py(), 399):
         assert studies.row("study.toml", number)[1].values["lag"] == whole.table["lag"][number].as_py()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_interrupt_does_not_wait_for_a_long_row() -> None:
+    """The row ends between two of its steps, and the same evaluator computes it to the same bits afterwards."""
+    document = {"study": {"stop_time": 30.0}, "parameters": {"spindle.inertia": [0.1, 0.2]},
+                "outcomes": {"angle": "last(spindle.angle)"}}
+    with Evaluator(study_of(document)) as evaluator, Evaluator(study_of(document)) as quiet:
+        evaluator.outcome(0, evaluator.study.rows[0])  # loads and compiles
+        whole = quiet.outcome(1, quiet.study.rows[1])
+        began = time.monotonic()
+        evaluator.outcome(0, evaluator.study.rows[0])
+        lasted = time.monotonic() - began
+        threading.Timer(0.1 * lasted, os.kill, (os.getpid(), signal.SIGINT)).start()
+        began = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            evaluator.outcome(1, evaluator.study.rows[1])
+        assert time.monotonic() - began < 0.8 * lasted
+        assert evaluator.outcome(1, evaluator.study.rows[1]) == whole

@@ -52,6 +52,24 @@ def test_where_no_point_keeps_the_limits_the_nearest_is_told(tmp_path: Path) -> 
     assert found.parameters == pytest.approx({"a": 2.0, "b": 2.0}, abs=0.01)
 
 
+def test_the_search_goes_the_same_way_wherever_its_points_are_computed(tmp_path: Path) -> None:
+    from distributed import LocalCluster
+
+    document = {**VALLEY, "tune": {"minimise": "y", "evaluations": 60}}
+    here = tune(document, output=tmp_path / "here", workers=0)
+    workers = tune(document, output=tmp_path / "workers", workers=2)
+    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address="127.0.0.1:0",
+                      scheduler_kwargs={"dashboard": False}) as cluster:
+        there = tune(document, output=tmp_path / "there", scheduler=cluster.scheduler_address)
+    points = {(tmp_path / name / "points.jsonl").read_bytes() for name in ("here", "workers", "there")}
+    assert len(points) == 1
+    assert here.parameters == workers.parameters == there.parameters
+    assert here.evaluations == 60  # as many as were granted: points that the simplex comes back to count once
+    assert points.pop().count(b"\n") == 61  # and the head
+    more = tune({**VALLEY, "tune": {"minimise": "y", "evaluations": 80}}, output=tmp_path / "here", workers=0)
+    assert more.evaluations == 80
+
+
 @pytest.mark.parametrize(("changed", "why"), [
     ({"tune": {}}, "there is no"), ({"tune": {"minimise": "z"}}, "no outcome is called 'z'"),
     ({"tune": {"minimise": "y", "evaluations": 0}}, "no number of points"),
@@ -62,6 +80,11 @@ def test_where_no_point_keeps_the_limits_the_nearest_is_told(tmp_path: Path) -> 
 def test_what_cannot_be_tuned_is_refused(tmp_path: Path, changed: dict[str, Any], why: str) -> None:
     with pytest.raises(StudyError, match=why):
         tune({**VALLEY, **changed}, output=tmp_path, workers=0)
+
+
+def test_a_queue_that_is_not_configured_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"no \[cluster\]"):
+        tune(VALLEY, output=tmp_path, queue=True)
 
 
 def test_command_tunes_a_lathe(threadpitch: Command, workplace: Path) -> None:

@@ -23,7 +23,7 @@ from threadpitch.store import open_store
 from threadpitch.studies.document import values_document
 from threadpitch.studies.evaluation import FAILED
 from threadpitch.studies.shown_units import with_unit
-from threadpitch.study_report import estimate_text, show_study
+from threadpitch.study_report import estimate_text, reasons, show_study
 
 INCOMPLETE = 3  # exit status: some rows are not there yet, as with --shard
 
@@ -69,6 +69,10 @@ def study(
     except KeyboardInterrupt:
         remark(f"rows that are done are kept in {output}; the same command goes on with the others")
         raise
+    if result.analysis.rows and result.analysis.failed == result.analysis.rows:
+        fail(f"{definition}: {'all' if result.complete else 'so far all'} {result.analysis.rows} rows failed, "
+             f"{next(reasons(result))}; they are kept in {result.folder}; mend the study, or compute them once more "
+             "with --retry-failed")
     if plot is not None:
         plot_study(result, plot)
     stored: dict[str, object] = {}

@@ -25,6 +25,11 @@ def tune(
     workers: Annotated[int | None, typer.Option(
         metavar="N", min=0, help="Processes of a local Dask cluster; 0: this process, without Dask.",
         show_default="one for each core")] = None,
+    scheduler: Annotated[str | None, typer.Option(
+        metavar="ADDRESS", help="Dask scheduler that runs already, such as tcp://host:8786.")] = None,
+    queue: Annotated[bool, typer.Option(
+        "--queue", metavar="",
+        help="Workers are jobs of the queue that the table 'cluster' configures (SLURM, PBS, ...).")] = False,
     parameters: Annotated[Path | None, typer.Option(
         metavar="FILE", help="Write the best parameters as TOML for run --parameters.")] = None,
     as_json: AsJson = False,
@@ -34,7 +39,8 @@ def tune(
         fail(f"{parameters}: parameters are written as TOML; give the file such a name")
     try:
         with counting_rows("points") as told:
-            found = studies.tune(definition, output=output, workers=workers, progress=told)
+            found = studies.tune(definition, output=output, workers=workers, scheduler=scheduler, queue=queue,
+                                 progress=told)
     except KeyboardInterrupt:
         remark(f"what was computed is kept in {output}; the same command goes on from there")
         raise

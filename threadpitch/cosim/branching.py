@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from threadpitch.cosim.block import Channel
 from threadpitch.cosim.c_types import C_TYPES
+from threadpitch.cosim.errors import SimulationInterrupted
+from threadpitch.cosim.interrupt import HeldInterrupt
 from threadpitch.cosim.network import Network
 from threadpitch.cosim.node import Node
 from threadpitch.cosim.plan import Setting
@@ -27,7 +29,7 @@ from threadpitch.cosim.replay import Script, replay, stretches, traced
 from threadpitch.cosim.schedule import Schedule
 from threadpitch.cosim.state_slot import FmuSlot
 from threadpitch.cosim.system import Value
-from threadpitch.cosim.tables import DONE
+from threadpitch.cosim.tables import DONE, End
 
 Values = Mapping[tuple[str, str], Value]  # by component and variable
 
@@ -93,7 +95,16 @@ class Branching:
         return False
 
     def compute(self, program: Program, settings: Iterable[Setting]) -> None:
-        """Compute the beginning of the initialised network, and keep it for others."""
+        """Compute the beginning of the initialised network, and keep it for others.
+
+        Raises:
+            StepError: a component fails.
+            SimulationInterrupted: Ctrl-C was pressed, or SIGTERM or SIGHUP came.
+        """
+        with HeldInterrupt() as interrupt:
+            self._compute(program, settings, interrupt)
+
+    def _compute(self, program: Program, settings: Iterable[Setting], interrupt: HeldInterrupt) -> None:
         network, schedule = self._network, self._schedule
         memory, row = network.octets, self._trace.shape[1]
         loop = functools.partial(traced, trace=self._trace.ctypes.data, size=row, memory=memory.ctypes.data)
@@ -109,6 +120,8 @@ class Branching:
                 break
             program.compute(network, schedule, range(done, done + CHUNK), loop)
             done += CHUNK
+            if interrupt.requested:
+                raise SimulationInterrupted(schedule.time(done), interrupt.signal)
             if self._marked(done):
                 break
         beginning.trace = _copied(self._trace[:beginning.steps + 1], beginning.trace)
@@ -135,7 +148,7 @@ class Branching:
                         nodes.ctypes.data, nodes.size, taken.ctypes.data, len(taken), compared.ctypes.data,
                         len(compared))
         self.touched = True
-        if replay(program.places, program.span(network, schedule, range(steps)), script).what != DONE:
+        if End(*replay(program.places, program.span(network, schedule, range(steps)), script)).what != DONE:
             return False
         for node, slot in zip(network.nodes, beginning.slots, strict=True):
             if node.name not in changed:

@@ -40,13 +40,23 @@ def terminate(number: int, frame: FrameType | None) -> NoReturn:
 class HeldInterrupt:
     """A context in which the first signal only sets ``requested`` and ``signal``; the second interrupts at once.
 
-    Signal handlers belong to the main thread, and a handler that somebody else has set is left in its place.
+    Signal handlers belong to the main thread, and a handler that somebody else has set is left in its place. Within
+    another such context it is told what that one holds.
     """
 
     def __init__(self) -> None:
-        self.requested = False
-        self.signal = int(signal.SIGINT)
+        self._told: list[int] = []  # the signal that was held; shared with the contexts within
         self._held: dict[int, _Handler] = {}
+
+    @property
+    def requested(self) -> bool:
+        """Whether a signal was held."""
+        return bool(self._told)
+
+    @property
+    def signal(self) -> int:
+        """The one that was held first; SIGINT before."""
+        return self._told[0] if self._told else int(signal.SIGINT)
 
     def __enter__(self) -> HeldInterrupt:
         if threading.current_thread() is threading.main_thread():
@@ -54,7 +64,10 @@ class HeldInterrupt:
             ours |= dict.fromkeys(ENDING, (signal.SIG_DFL, terminate))
             for number, handlers in ours.items():
                 handler = signal.getsignal(number)
-                if handler in handlers:
+                holder = getattr(handler, "__self__", None)
+                if isinstance(holder, HeldInterrupt):
+                    self._told = holder._told
+                elif handler in handlers:
                     signal.signal(number, self._note)
                     self._held[number] = handler
         return self
@@ -66,7 +79,6 @@ class HeldInterrupt:
         self._held.clear()
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self.requested:
+        if self._told:
             raise KeyboardInterrupt if number == signal.SIGINT else Terminated(number)
-        self.requested = True
-        self.signal = number
+        self._told.append(number)

@@ -31,7 +31,6 @@ from threadpitch.cosim.tables import (
     STEP_FAILED,
     STRETCH,
     WATCH,
-    End,
     Span,
     Tables,
     Views,
@@ -46,7 +45,10 @@ inlined = compiled_by_numba(forceinline=True)
 
 @compiled
 def gauss_seidel(at: Any, span: Span) -> Any:
-    """Each component in order receives its inputs, steps from t to t + h and publishes its outputs at t + h."""
+    """Each component in order receives its inputs, steps from t to t + h and publishes its outputs at t + h.
+
+    Ends with the values of an ``End``, as do the other loops.
+    """
     tables = attach(at)
     for step in range(span.first, span.last):
         for i in range(tables.nodes.size):
@@ -60,9 +62,9 @@ def gauss_seidel(at: Any, span: Span) -> Any:
             if what == DONE:
                 what, status = publish(tables, i, span.start + (step + 1) * span.step_size)
             if what != DONE:
-                return End(step, i, what, status)
+                return step, i, what, status
         record(tables, step + 1, span)
-    return End(span.last, 0, DONE, 0)
+    return span.last, 0, DONE, 0
 
 
 @inlined

@@ -21,7 +21,7 @@ from threadpitch.cosim.kernel import (
     receive,
 )
 from threadpitch.cosim.kernel_recording import record
-from threadpitch.cosim.tables import DONE, STATE_FAILED, UNSETTLED, End, Span, Tables
+from threadpitch.cosim.tables import DONE, STATE_FAILED, UNSETTLED, Span, Tables
 
 begin_iteration = inlined(iteration.begin_iteration)
 settled = inlined(iteration.settled)
@@ -40,26 +40,26 @@ def jacobi(at: Any, span: Span) -> Any:
             if step % tables.nodes[i].multiple == 0:
                 what, status = receive(tables, i, span.start + step * span.step_size)
                 if what != DONE:
-                    return End(step, i, what, status)
+                    return step, i, what, status
         for i in range(tables.nodes.size):
             multiple = tables.nodes[i].multiple
             if (step + 1) % multiple == 0:
                 start = span.start + (step + 1 - multiple) * span.step_size
                 what, status = do_step(tables, i, start, multiple * span.step_size)
                 if what != DONE:
-                    return End(step, i, what, status)
+                    return step, i, what, status
         for i in range(tables.nodes.size):
             if (step + 1) % tables.nodes[i].multiple == 0:
                 what, status = publish(tables, i, span.start + (step + 1) * span.step_size)
                 if what != DONE:
-                    return End(step, i, what, status)
+                    return step, i, what, status
         for i in range(tables.nodes.size):
             if tables.nodes[i].slot != 0 and (step + 1) % tables.nodes[i].multiple == 0:
                 what, status = look_ahead(tables, i, span.start + (step + 1) * span.step_size, span)
                 if what != DONE:
-                    return End(step, i, what, status)
+                    return step, i, what, status
         record(tables, step + 1, span)
-    return End(span.last, 0, DONE, 0)
+    return span.last, 0, DONE, 0
 
 
 @compiled
@@ -93,9 +93,9 @@ def iterated(at: Any, span: Span) -> Any:
                 what, status = compute(tables, i, step, span)
                 i += 1
             if what != DONE:
-                return End(step, node, what, status)
+                return step, node, what, status
         record(tables, step + 1, span)
-    return End(span.last, 0, DONE, 0)
+    return span.last, 0, DONE, 0
 
 
 @compiled

@@ -15,7 +15,7 @@ from threadpitch.cosim import master
 from threadpitch.cosim.block import Channel
 from threadpitch.cosim.branching import Branching
 from threadpitch.cosim.check import Plan, Setting
-from threadpitch.cosim.errors import CosimError, SimulationInterrupted, StepError
+from threadpitch.cosim.errors import CosimError
 from threadpitch.cosim.instance import FmuInstance
 from threadpitch.cosim.links import Joiner
 from threadpitch.cosim.metadata import describe, versions
@@ -112,7 +112,7 @@ class Mounted:
                     self._initialize(settings)
                 self._branching.compute(self._program, settings)
             master.run(self._network, self._schedule, self._program)
-        except (StepError, SimulationInterrupted):
+        except BaseException:  # a second Ctrl-C too: the instances stand somewhere
             self.broken = True
             raise
         warnings = [f"{instance.name}: {text}" for instance in self._instances for text in instance.warnings()]

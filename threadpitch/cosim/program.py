@@ -38,6 +38,7 @@ from threadpitch.cosim.tables import (
     STRETCH,
     UNSETTLED,
     WATCH,
+    End,
     Records,
     Span,
     Tables,
@@ -47,7 +48,7 @@ from threadpitch.cosim.tables import (
     stretches,
 )
 
-Loop: TypeAlias = Callable[[Any, Span], Any]  # compiled: (addresses of the tables, steps) -> End
+Loop: TypeAlias = Callable[[Any, Span], Any]  # compiled: (addresses of the tables, steps) -> values of an End
 
 
 class Program:
@@ -83,7 +84,7 @@ class Program:
         first = steps.start
         while first < steps.stop:
             last = min(steps.stop, recorder.room())
-            end = loop(self.places, self.span(network, schedule, range(first, last)))
+            end = End(*loop(self.places, self.span(network, schedule, range(first, last))))
             recorder.advance(end.steps, self.used)
             if end.what != DONE:
                 self._fail(network, schedule, end)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from threadpitch.cosim.calls import copy_bytes, pointer
 from threadpitch.cosim.kernel import attach, compiled, do_step, publish, receive, transfer
 from threadpitch.cosim.kernel_recording import record
-from threadpitch.cosim.tables import DONE, End, Span
+from threadpitch.cosim.tables import DONE, Span
 
 DIFFERENT = -6  # a word of End.what besides those of ``tables``
 
@@ -46,10 +46,10 @@ def traced(at: Any, span: Span, trace: int, size: int, memory: int) -> Any:
             if what == DONE:
                 what, status = publish(tables, i, span.start + (step + 1) * span.step_size)
             if what != DONE:
-                return End(step, i, what, status)
+                return step, i, what, status
         record(tables, step + 1, span)
         copy_bytes(np.uint64(trace) + np.uint64(step + 1) * np.uint64(size), np.uint64(memory), np.uint64(size))
-    return End(span.last, 0, DONE, 0)
+    return span.last, 0, DONE, 0
 
 
 @compiled
@@ -75,14 +75,14 @@ def replay(at: Any, span: Span, script: Script) -> Any:
             if what == DONE:
                 what, status = publish(tables, i, span.start + (step + 1) * span.step_size)
             if what != DONE:
-                return End(step, i, what, status)
+                return step, i, what, status
         before = carray(pointer(row), (script.size,), np.uint8)
         for n in range(compared.shape[0]):
             for byte in range(compared[n, 0], compared[n, 0] + compared[n, 1]):
                 if memory[byte] != before[byte]:
-                    return End(step, 0, DIFFERENT, 0)
+                    return step, 0, DIFFERENT, 0
         record(tables, step + 1, span)
-    return End(span.last, 0, DONE, 0)
+    return span.last, 0, DONE, 0
 
 
 def stretches(mask: NDArray[np.bool_], dtype: type[np.generic]) -> NDArray[Any]:

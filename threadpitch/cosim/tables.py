@@ -103,7 +103,11 @@ class Span(NamedTuple):
 
 
 class End(NamedTuple):
-    """Where and why the kernel returned: ``what`` is one of the words below, or the number of a call that failed."""
+    """Where and why the kernel returned: ``what`` is one of the words below, or the number of a call that failed.
+
+    Compiled loops return it as a plain tuple. Numba makes a named one by running Python, where Ctrl-C may raise; then
+    it goes on with what was not made, and the process crashes.
+    """
 
     steps: int  # those that are done and recorded
     node: int

@@ -19,12 +19,14 @@ from threadpitch.report.content import Report, ReportError
 from threadpitch.report.drawing import documents
 from threadpitch.report.page import Scripts, json_for_script
 from threadpitch.report.stored_run import run_name, stored_threads
+from threadpitch.runs.study import STUDY
 from threadpitch.serve.control_page import calculators, made_charts, parts_of
 from threadpitch.serve.guard import Access, with_token
 from threadpitch.serve.live import event_stream
 from threadpitch.serve.live_chart import live_chart
 from threadpitch.serve.rows import run_row
 from threadpitch.store import RunFilter, Store, StoreError
+from threadpitch.study_report import sentences, study_tables
 
 PAGE_SIZE = 50  # runs of a list
 MOST_COMPARED = 8
@@ -58,9 +60,14 @@ class Pages:
                           count=count, pages=-(-count // PAGE_SIZE), number=number, **self._filter_words(asked))
 
     def run(self, request: Request) -> Response:
-        """The report of a run."""
+        """The report of a run; of a study what its rows came to."""
         run = self._store.run(request.path_params["number"])
         bar = self._render("run_bar.html", run=run_row(run.summary), trusted=self._trusted(request))
+        if run.summary.kind == STUDY:
+            analysis = run.provenance.get("analysis", {})
+            told = "yield_responses" in analysis  # else it was kept by an older version, which told less
+            return self._page("study.html", run_name(run), bar=bar, sentences=sentences(analysis) if told else [],
+                              tables=study_tables(analysis) if told else [])
         return HTMLResponse(report_page.page(Report(run_name(run), tuple(stored_threads(run))), _SCRIPTS,
                                              self._navigation() + bar))
 

@@ -14,15 +14,14 @@ from threadpitch.studies.keeping import is_study
 from threadpitch.studies.making import (
     DEFAULT_OUTPUT,
     Estimate,
-    Place,
     StudyResult,
     estimate,
     kept,
-    read_shard,
     row,
     study,
     units,
 )
+from threadpitch.studies.place import Place, read_shard
 from threadpitch.studies.tuning import Tuning, tune
 
 __all__ = [

@@ -95,7 +95,8 @@ def job_queue(cluster: Mapping[str, Any]) -> Any:
     if kind not in JOB_QUEUES:
         raise StudyError(f"[cluster] kind: {kind!r} is not known{nearest(str(kind), JOB_QUEUES)}")
     _need("dask_jobqueue", "dask-jobqueue")
-    import dask_jobqueue
+    with _without_interrupt():  # importing it sets a handler of its own, by which Ctrl-C would end with status 0
+        import dask_jobqueue
 
     chosen = getattr(dask_jobqueue, JOB_QUEUES[kind])
     options = {"cores": 1, "memory": "2GB", **options}

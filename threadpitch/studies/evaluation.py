@@ -15,6 +15,7 @@ from threadpitch import cosim
 from threadpitch.cosim.interrupt import HeldInterrupt, Terminated
 from threadpitch.cosim.mounted import Experiment, Mounted, mount
 from threadpitch.cosim.system import nearest
+from threadpitch.diagnosis import DECIDING
 from threadpitch.fmu import BuildError, ModelError
 from threadpitch.lathe import NOMINAL, LatheError, Simulation, check_start_angles, choose_flavor, locate_fmu
 from threadpitch.roles import Roles
@@ -23,7 +24,7 @@ from threadpitch.studies.design import Row
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.quantity import Level
 from threadpitch.studies.shown_units import Units, shown_units
-from threadpitch.studies.statistics import CALCULATORS, NEED_LIMIT, STATISTICS, ThreadStatistics
+from threadpitch.studies.statistics import CALCULATORS, CAUSE, NEED_LIMIT, STATISTICS, ThreadStatistics
 
 OK, FAILED = "ok", "failed"
 _LOOKED_AT = 64  # rows, of which one must have values that the system takes
@@ -53,6 +54,7 @@ class Evaluator:
         self._given = system
         self._system: cosim.System | None = None
         self._roles: Roles | None = None
+        self._recorded: tuple[str, ...] = ()
         self._units: Units = {}
         self._mounted: Mounted | None = None
         self._mounts = ExitStack()
@@ -89,7 +91,7 @@ class Evaluator:
         """The outcomes for these parameters under this number, or why there are none.
 
         Raises:
-            KeyboardInterrupt: Ctrl-C or SIGTERM, when the row is over: compiled code does not survive it in its midst.
+            KeyboardInterrupt: Ctrl-C or SIGTERM. A row that runs ends between two of its steps, and is not done.
         """
         with HeldInterrupt() as held:
             found = self._outcome(number, row)
@@ -100,8 +102,8 @@ class Evaluator:
     def _outcome(self, number: int, row: Row) -> Outcome:
         try:
             return Outcome(number, self.values(row))
-        except cosim.SimulationInterrupted:
-            raise
+        except cosim.SimulationInterrupted as error:
+            raise KeyboardInterrupt if error.signal == signal.SIGINT else Terminated(error.signal) from None
         except _ROW_ERRORS as error:
             return Outcome(number, {}, FAILED, " ".join(str(error).split()))
 
@@ -203,9 +205,17 @@ class Evaluator:
         system, run = self._read(), self.study.run
         assert self._roles is not None
         part_at = f"{NOMINAL}.threading" if NOMINAL in self._roles.calculators and run.share_beginnings else None
-        experiment = Experiment(run.stop_time, run.step_size, self.study.recorded, self._roles.watch, part_at)
+        experiment = Experiment(run.stop_time, run.step_size, self._recorded, self._roles.watch, part_at)
         self._mounted = self._mounts.enter_context(mount(system, experiment=experiment))
         return self._mounted
+
+    def _deciding(self, plan: cosim.Plan) -> list[str]:
+        """What a verdict needs besides, of what the system has."""
+        if not any(CAUSE in expression.names for expression in self.study.outcomes.values()):
+            return []
+        known = {f"{name}.{variable}" for name, description in plan.descriptions.items()
+                 for variable in description.variables}
+        return [name for name in DECIDING if name in known and name not in self.study.recorded]
 
     def _read(self) -> cosim.System:
         if self._system is None:
@@ -213,5 +223,6 @@ class Evaluator:
                 self.study.run.system or "", locate=functools.partial(locate_fmu, self._flavor)))
             with cosim.prepare(self._system) as plan:
                 self._roles = Roles.of(plan)
+                self._recorded = (*self.study.recorded, *self._deciding(plan))
                 self._units = shown_units(self.study, plan)
         return self._system

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import json
-import re
 import time as clock
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from threadpitch.fmu.cache import write_file
 from threadpitch.studies.analysis import Analysis, analyze
-from threadpitch.studies.cluster import available_cores, connected
+from threadpitch.studies.cluster import connected
 from threadpitch.studies.definition import Document, Study, read_study, study_of
 from threadpitch.studies.document import analysis_document
 from threadpitch.studies.errors import StudyError
@@ -21,6 +20,7 @@ from threadpitch.studies.evaluation import Evaluator, Outcome
 from threadpitch.studies.execution import OnDask, in_this_process, sent
 from threadpitch.studies.keeping import OWN, Folder, folder_size, kept_study
 from threadpitch.studies.parcel import Parcel
+from threadpitch.studies.place import Place
 from threadpitch.studies.shown_units import Units
 
 if TYPE_CHECKING:
@@ -29,18 +29,7 @@ if TYPE_CHECKING:
 Progress: TypeAlias = Callable[[int, int], None]  # (rows done, rows in all)
 DEFAULT_OUTPUT = "threadpitch-study"
 ANALYSIS = "analysis.json"
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where rows are computed: by so many local workers (0: in this process; None: one for each core), by the workers
-    of a Dask scheduler, or of the queue that the study configures; and which part of them, (i, n) the i-th of n.
-    """
-
-    workers: int | None = None
-    scheduler: str | None = None
-    queue: bool = False
-    shard: tuple[int, int] = (1, 1)
+_MEASURED_ROWS, _MEASURED_TIME = 20, 1.0  # that an estimate computes at most: rows, s
 
 
 @dataclass(frozen=True)
@@ -91,8 +80,7 @@ def study(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUT
     """
     place = place or Place()
     chosen = study_of(definition) if isinstance(definition, Mapping) else read_study(definition)
-    if place.queue and "cluster" not in chosen.document:
-        raise StudyError("the study has no [cluster]; write one with kind = \"slurm\", jobs, cores, memory, walltime")
+    place.check(chosen)
     with Evaluator(chosen) as evaluator:
         evaluator.check()
         folder = Folder(output, chosen, evaluator.describe())
@@ -156,7 +144,7 @@ def units(definition: str | Path | Document) -> Units:
 
 def estimate(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTPUT,
              place: Place | None = None) -> Estimate:
-    """What a study would take: three of its rows are computed, and nothing is kept.
+    """What a study would take, without the start of workers: a few of its rows are computed, and nothing is kept.
 
     Raises:
         StudyError, cosim.CosimError: as ``study``.
@@ -169,23 +157,19 @@ def estimate(definition: str | Path | Document, *, output: str | Path = DEFAULT_
         done = Folder(output, chosen, evaluator.describe()).done if Path(output).is_dir() else {}
         count = sum(row not in done for row in rows)
         list(evaluator.outcomes(rows[:2]))  # loads, and compiles what the second row needs besides
-        began = clock.perf_counter()
-        list(evaluator.outcomes(rows[-1:]))
-        row_time = clock.perf_counter() - began
-    workers = _workers(place)
+        row_time = _row_time(evaluator, rows[len(rows) // 2:])
+    workers = place.processes
     return Estimate(len(chosen.rows), count, row_time, workers, row_time * count / workers, folder_size(chosen))
 
 
-def read_shard(text: str) -> tuple[int, int]:
-    """``2/8`` -> (2, 8).
-
-    Raises:
-        StudyError: it is no part of a whole.
-    """
-    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
-    if match is None or not 1 <= int(match[1]) <= int(match[2]):
-        raise StudyError(f"--shard {text!r} is no part; write it like 2/8, from 1/8 to 8/8")
-    return int(match[1]), int(match[2])
+def _row_time(evaluator: Evaluator, rows: Sequence[int]) -> float:
+    """Seconds of a row, the mean of several that follow each other as in a study: they share beginnings."""
+    ends = [clock.perf_counter()]
+    for _ in evaluator.outcomes(rows[:_MEASURED_ROWS]):
+        ends.append(clock.perf_counter())
+        if ends[-1] - ends[0] > _MEASURED_TIME:
+            break
+    return (ends[-1] - ends[0]) / max(1, len(ends) - 1)
 
 
 def _of_shard(evaluator: Evaluator, place: Place) -> list[int]:
@@ -195,20 +179,15 @@ def _of_shard(evaluator: Evaluator, place: Place) -> list[int]:
     return rows[len(rows) * (number - 1) // count:len(rows) * number // count]
 
 
-def _workers(place: Place) -> int:
-    return max(1, available_cores() if place.workers is None else place.workers)
-
-
 def _computed(evaluator: Evaluator, place: Place, rows: list[int]) -> Generator[list[Outcome], None, None]:
     """The outcomes as they come."""
     if not rows:
         return
-    alone = place.workers == 0 or place.shard != (1, 1)
-    if alone and place.scheduler is None and not place.queue:
+    if place.alone:
         yield from in_this_process(evaluator, rows)
         return
-    cluster = evaluator.study.document.get("cluster", {}) if place.queue else {}
-    parcel = Parcel.of(evaluator, with_fmus=place.scheduler is not None or place.queue)
-    with (connected(_workers(place), place.scheduler, cluster) as client, sent(client, parcel) as name,
+    parcel = Parcel.of(evaluator, with_fmus=place.elsewhere)
+    cluster = place.cluster(evaluator.study)
+    with (connected(place.processes, place.scheduler, cluster) as client, sent(client, parcel) as name,
           contextlib.closing(OnDask(client, name).outcomes(rows)) as outcomes):
         yield from outcomes

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from threadpitch.judgement import JudgementError, judge
+from threadpitch.diagnosis import UNCERTAINTY, verdict_on_groove
+from threadpitch.judgement import JudgementError
 from threadpitch.lathe import ACTUAL, NOMINAL, Simulation
 from threadpitch.passes import Pass
 from threadpitch.studies.errors import StudyError
@@ -22,6 +23,7 @@ from threadpitch.studies.errors import StudyError
 FloatArray = NDArray[np.float64]
 
 CALCULATORS = {"nominal": NOMINAL, "actual": ACTUAL}
+CAUSE = "cause"
 NEED_LIMIT = (".share_out_of_limit", ".first_good_turn")  # of a pitch
 
 
@@ -30,7 +32,7 @@ class Judging:
     """What statistics are measured against: largest |deviation| of a good turn, standard uncertainty of a pitch, m."""
 
     pitch_limit: float | None = None
-    uncertainty: float = 0.5e-6
+    uncertainty: float = UNCERTAINTY
 
 
 class ThreadStatistics:
@@ -46,7 +48,7 @@ class ThreadStatistics:
         Raises:
             StudyError: the simulation does not have it: no turn was completed, or no limit was given.
         """
-        if name == "cause":
+        if name == CAUSE:
             return self._cause()
         calculator, _, word = name.partition(".")
         return float(_OF_DEVIATIONS[word](self, self._deviations(calculator)))
@@ -74,16 +76,10 @@ class ThreadStatistics:
         return found
 
     def _cause(self) -> str:
-        """The verdict on the first final pass, measured without error."""
+        """The verdict of ``threadpitch run``: on the pass that left the groove, measured without error."""
         self._deviations("nominal")
-        nominal, actual = self._final("nominal")[0], self._final("actual")[0]
-        target = float(nominal.table.pitch[0, 0] - nominal.deviation[0, 0])
-        inside = np.isfinite(np.where(nominal.in_metal[0], nominal.table.pitch[0], np.nan))
-        count = min(inside.size, actual.table.pitch.shape[1])
-        which = np.flatnonzero(inside[:count])
         try:
-            return judge(nominal.table.pitch[0][which], actual.table.pitch[0][which], target=target,
-                         uncertainty=self._judging.uncertainty).cause
+            return verdict_on_groove(self._simulation, uncertainty=self._judging.uncertainty).cause
         except JudgementError as error:
             raise StudyError(f"cause: {error}") from None
 
@@ -132,7 +128,7 @@ _OF_DEVIATIONS: Mapping[str, Callable[[ThreadStatistics, list[FloatArray]], floa
     "first_good_turn": _first_good,
     "turns": lambda _, deviations: float(max(int(np.isfinite(one).sum(axis=1).max()) for one in deviations)),
 }
-STATISTICS = (*(f"{calculator}.{word}" for calculator in CALCULATORS for word in _OF_DEVIATIONS), "cause")
+STATISTICS = (*(f"{calculator}.{word}" for calculator in CALCULATORS for word in _OF_DEVIATIONS), CAUSE)
 _NUMBERS = {"share_out_of_limit": "%", "first_good_turn": "1", "turns": "1"}
 STATISTIC_UNITS = {f"{calculator}.{word}": _NUMBERS.get(word, "um") for calculator in CALCULATORS
                    for word in _OF_DEVIATIONS}  # that people read them in; "cause" is a word

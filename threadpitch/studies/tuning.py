@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 
 from threadpitch.cosim.system import nearest
 from threadpitch.studies import worker
-from threadpitch.studies.cluster import available_cores, connected
+from threadpitch.studies.cluster import connected
 from threadpitch.studies.definition import Document, Study, read_study, study_of
 from threadpitch.studies.errors import StudyError
 from threadpitch.studies.evaluation import FAILED, OK, Evaluator, Outcome
 from threadpitch.studies.execution import DIED, sent
 from threadpitch.studies.parcel import Parcel
+from threadpitch.studies.place import Place
 from threadpitch.studies.shown_units import Units
 
 FloatArray = NDArray[np.float64]
@@ -57,11 +58,11 @@ class Tuning:
 
 
 def tune(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTPUT, workers: int | None = None,
-         progress: Progress | None = None) -> Tuning:
+         scheduler: str | None = None, queue: bool = False, progress: Progress | None = None) -> Tuning:
     """Search the parameters, each { from, to }, for the least value of the outcome that [tune] minimise names.
 
-    [limits] are the greatest good |outcomes|. ``workers`` are processes of a local Dask cluster, 0 for none, None for
-    one for each core.
+    [limits] are the greatest good |outcomes|. ``workers``, ``scheduler`` and ``queue`` are those of a study's
+    ``Place``; the way is the same wherever the points are computed.
 
     Raises:
         StudyError: the file or the folder is wrong, or no point could be computed.
@@ -70,14 +71,17 @@ def tune(definition: str | Path | Document, *, output: str | Path = DEFAULT_OUTP
     """
     study = study_of(definition) if isinstance(definition, Mapping) else read_study(definition)
     goal, most = _goal(study)
+    place = Place(workers, scheduler, queue)
+    place.check(study)
     bounds = [one.bounds for one in study.parameters]
     with ExitStack() as stack:
         evaluator = stack.enter_context(Evaluator(study))
         evaluator.check()
         compute = _here(evaluator)
-        if workers != 0:
-            client = stack.enter_context(connected(workers or available_cores(), None, {}))
-            compute = _on_dask(client, study, stack.enter_context(sent(client, Parcel.of(evaluator))))
+        if not place.alone:
+            parcel = Parcel.of(evaluator, with_fmus=place.elsewhere)
+            client = stack.enter_context(connected(place.processes, scheduler, place.cluster(study)))
+            compute = _on_dask(client, study, stack.enter_context(sent(client, parcel)))
         search = _Search(study, goal, most, _History(Path(output), study), compute, progress)
         search.run(bounds)
         units = evaluator.units
@@ -133,7 +137,7 @@ class _Search:
     compute: Compute
     progress: Progress | None
     best: tuple[float, Point] = (math.inf, ())
-    asked: int = 0
+    asked: dict[Point, None] = field(default_factory=dict)  # in their order; the search may come back to a point
 
     def run(self, bounds: Sequence[tuple[float, float]]) -> None:
         """Differential evolution over the whole room, then a simplex from the best point."""
@@ -147,28 +151,29 @@ class _Search:
             simplex = np.array(self.best[1]) + np.vstack([np.zeros(widths.size), 0.05 * np.diag(widths)])
             low, high = (np.array(ends) for ends in zip(*bounds, strict=True))
             scipy.optimize.minimize(self._cost, self.best[1], method="Nelder-Mead", bounds=bounds,
-                              options={"initial_simplex": np.clip(simplex, low, high), "maxfev": self.most,
-                                       "xatol": 1e-6 * float(widths.min()), "fatol": 0.0})
+                                    options={"initial_simplex": np.clip(simplex, low, high), "maxfev": self.most,
+                                             "xatol": 1e-6 * float(widths.min()), "fatol": 0.0})
         except _Enough:
             pass
 
     def costs(self, points: Iterable[Any]) -> list[float]:
-        """The costs of some points; those that are new are computed together.
+        """The costs of some points; those that nobody has computed are computed together.
 
         Raises:
             _Enough: as many as were granted have been computed.
         """
         wanted = [tuple(float(value) for value in point) for point in points]
-        new = [point for point in dict.fromkeys(wanted) if point not in self.history.points]
-        room = self.most - self.asked
-        self.asked += len(dict.fromkeys(wanted))
-        if new and room > 0:
-            self.history.add(zip(new[:room], self.compute(new[:room]), strict=True))
+        room = self.most - len(self.asked)
+        new = [point for point in dict.fromkeys(wanted) if point not in self.asked]
+        self.asked |= dict.fromkeys(new[:room])
+        unknown = [point for point in new[:room] if point not in self.history.points]
+        if unknown:
+            self.history.add(zip(unknown, self.compute(unknown), strict=True))
         if self.progress is not None:
-            self.progress(min(self.asked, self.most), self.most)
-        known = [(self.cost(self.history.points[point]), point) for point in wanted if point in self.history.points]
+            self.progress(len(self.asked), self.most)
+        known = [(self.cost(self.history.points[point]), point) for point in wanted if point in self.asked]
         self.best = min([self.best, *known])
-        if room <= len(wanted):
+        if room <= len(new):
             raise _Enough
         return [cost for cost, _ in known]
 
@@ -194,7 +199,7 @@ class _Search:
             reasons = sorted({one.reason for one in self.history.points.values()})
             raise StudyError(f"no point could be computed: {reasons[0] if reasons else 'none was tried'}")
         parameters = dict(zip((one.name for one in self.study.parameters), point, strict=True))
-        found = Tuning(self.study, parameters, outcome.values, cost < _OUTSIDE, len(self.history.points),
+        found = Tuning(self.study, parameters, outcome.values, cost < _OUTSIDE, len(self.asked),
                        self.history.folder)
         document = {"parameters": parameters, "outcomes": dict(outcome.values), "within_limits": found.within_limits,
                     "evaluations": found.evaluations}

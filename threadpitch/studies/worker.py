@@ -60,10 +60,14 @@ def _evaluator(name: str) -> Evaluator:
 
 
 def _unpack_into_own_folder() -> None:
-    """FMUs are unpacked into the folder of Dask's worker, which Dask removes when the worker was killed."""
+    """FMUs are unpacked into the folder of Dask's worker, which its nanny removes when the worker was killed.
+
+    A worker without one may share its process with others, and with the client: their temporary files are not its own.
+    """
     from distributed import get_worker
 
-    tempfile.tempdir = get_worker().local_directory
+    if get_worker().nanny is not None:
+        tempfile.tempdir = get_worker().local_directory
 
 
 def _new(name: str) -> Evaluator:
