@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from threadpitch.judgement import (
     ControlParts,
@@ -85,12 +86,13 @@ def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
     if not {NOMINAL, ACTUAL} <= set(simulation.calculators) or not simulation.passes:
         return None
     left = _left_by(simulation)
+    _can_be_judged(left, simulation)
     targets = left.table.pitch - left.deviation  # (start_angles, revolutions)
     target = float(targets[np.isfinite(targets)][0])
     threads: tuple[MeasuredThread, ...] = ()
     if plan is None:
-        nominal, actual = _both(left, simulation)
-        verdict = judge(nominal, actual, target=targets[:, :actual.shape[1]] if left.variable else target,
+        nominal, actual, known = _both(left, simulation)
+        verdict = judge(nominal, actual, target=targets[known, :actual.shape[1]] if left.variable else target,
                         uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
     elif left.variable:
         raise JudgementError("a thread whose lead changes is judged without a measuring plan; leave --measure out")
@@ -99,6 +101,32 @@ def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
         verdict = _of_flanks(simulation, plan, threads, target)
     controls, why_not = _control(simulation, left, targets if left.variable else target)
     return Diagnosis(left.number, target, uncertainty, verdict, controls, threads, why_not)
+
+
+def _can_be_judged(left: Pass, simulation: Simulation) -> None:
+    """Whether it has turns in the metal, each of which has one lead that is known."""
+    leads = _leads_of_chain(simulation)
+    if len(set(leads)) > 1:
+        told = ", ".join(f"{from_si(lead, 'mm'):.6g}" + (f" {from_si(change, 'mm'):+.6g} a turn" if change else "")
+                         for lead, change in leads)
+        raise JudgementError(f"the blocks of the chain have leads of their own ({told} mm), and which turn is of which "
+                             "block is not known; cut its blocks by themselves to judge them")
+    if (left.in_metal & np.isfinite(left.table.pitch)).any():
+        return
+    threading = simulation.get(f"{CONTROLLER}.threading")
+    mend = f"the simulation stops at {simulation.time[-1]:g} s, while it is being cut; choose a longer stop time" \
+        if threading is not None and threading[-1] else "cut a longer thread, or begin farther from the workpiece"
+    raise JudgementError(f"no whole turn of pass {left.number} is in the metal: {mend}")
+
+
+def _leads_of_chain(simulation: Simulation) -> list[tuple[float, float]]:
+    """(lead, its change per turn), m, of every block; none where the controller cuts no chain."""
+    def told(name: str) -> float:
+        return simulation.parameter(f"{CONTROLLER}.{name}") or 0.0
+
+    further = [(told(f"further_lead[{k}]"), told(f"further_lead_change[{k}]"))
+               for k in range(1, int(told("further_blocks")) + 1)]
+    return [(told("lead"), told("lead_change")), *further] if further else []
 
 
 def diagnosis_document(found: Diagnosis) -> dict[str, object]:
@@ -143,14 +171,17 @@ def _screw_lead(simulation: Simulation) -> float | None:
     return simulation.parameter(f"{Z_DRIVE}.screw_lead") if ball_screw else None
 
 
-def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, FloatArray]:
-    """Nominal and actual pitches (start_angles, turns) m of the same turns, NaN outside of the metal."""
+def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, FloatArray, NDArray[np.bool_]]:
+    """Nominal and actual pitches (start_angles, turns) m of the same turns, NaN outside of the metal, and of which of
+    the pass's start angles they are.
+    """
     other = next(one for one in simulation.passes_of(ACTUAL) if one.number == left.number)
     turns = min(left.table.pitch.shape[1], other.table.pitch.shape[1])
     inside = left.in_metal[:, :turns]
     nominal = np.where(inside, left.table.pitch[:, :turns], np.nan)
     actual = np.where(inside, other.table.pitch[:, :turns], np.nan)
-    return PitchTable.of_pitches(nominal, left.table.start_angles), actual
+    known = (np.isfinite(nominal) & np.isfinite(actual)).any(axis=1)  # a start angle may have no turn in the metal yet
+    return PitchTable.of_pitches(nominal[known], left.table.start_angles[known]), actual[known], known
 
 
 def _of_flanks(simulation: Simulation, plan: MeasuringPlan, threads: Sequence[MeasuredThread],
@@ -193,9 +224,9 @@ def _control(simulation: Simulation, left: Pass, target: float | FloatArray) -> 
 
 
 def _with_turns(left: Pass) -> list[int]:
-    """The start angles that have enough turns in the metal; the first one where none has."""
+    """The start angles that have enough turns in the metal; the one with the most where none has."""
     turns = np.sum(np.isfinite(left.table.pitch) & left.in_metal, axis=1)
-    return np.flatnonzero(turns >= FEWEST_TURNS).tolist() or [0]
+    return np.flatnonzero(turns >= FEWEST_TURNS).tolist() or [int(np.argmax(turns))]
 
 
 def _first_in_metal(left: Pass, row: int) -> int:
