@@ -147,6 +147,20 @@ def test_the_lag_of_a_variable_lead_is_the_leads(change: float, gain: float) -> 
         assert parts.sentences()[0].split(": ")[1] == "the lead changes, and with it the feed's velocity"
 
 
+def test_a_variable_lead_is_judged_as_it_was_measured() -> None:
+    """Turn by turn against the lead of the turn, at every point around the thread."""
+    simulation = lathe.simulate(parameters={**faults.read_fault("none").parameters, "controller.lead_change": 0.05e-3,
+                                            "z_drive.feedforward": 1.0})
+    one = diagnose(simulation, MeasuringPlan(uncertainty=FINE, points=3, seed=2))
+    assert one is not None
+    assert one.verdict.cause == "none", one.verdict.sentence
+    assert len(one.verdict.rows) == 2 * 3 or one.verdict.evidence.fluctuation < 2.0 * FINE
+    lagging = lathe.simulate(parameters={**faults.read_fault("none").parameters, "controller.lead_change": 0.05e-3})
+    other = diagnose(lagging, MeasuringPlan(uncertainty=FINE, points=3, seed=2))
+    assert other is not None
+    assert other.verdict.cause == "control", other.verdict.sentence
+
+
 def test_a_chain_of_several_leads_is_refused() -> None:
     chain = {"controller.further_blocks": 1, "controller.further_z": ["-36mm"], "controller.further_x": ["8mm"]}
     same = lathe.simulate(parameters={**chain, "controller.further_lead": ["1.5mm"]})

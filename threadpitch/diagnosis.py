@@ -39,6 +39,7 @@ _EXPONENTIAL = 0  # a value of the controller's start_mode
 _BALL_SCREW = 1  # of the drive's drive_type
 _AT_THE_LIMIT = 0.999
 _WORTH = 1.0  # of the uncertainty: the control is not explained where it does less
+_BEFORE = 1e-2  # of a turn: the first row may be a count before the line begins
 _CUTS = 0.5  # of the turns in the metal in which a pass must take a chip off a flank to have left it
 
 
@@ -94,8 +95,6 @@ def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
         nominal, actual, known = _both(left, simulation)
         verdict = judge(nominal, actual, target=targets[known, :actual.shape[1]] if left.variable else target,
                         uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
-    elif left.variable:
-        raise JudgementError("a thread whose lead changes is judged without a measuring plan; leave --measure out")
     else:
         threads, uncertainty = tuple(measure(simulation, plan, simulation.passes[-1])), plan.uncertainty
         verdict = _of_flanks(simulation, plan, threads, target)
@@ -189,18 +188,34 @@ def _of_flanks(simulation: Simulation, plan: MeasuringPlan, threads: Sequence[Me
     """Every flank against the nominal pitches of the pass that left it; one verdict of all."""
     verdicts = []
     for flank in dict.fromkeys(one.flank for one in threads):
-        table = _nominal(simulation, _left_by(simulation, flank), plan.start_angles)
+        left = _left_by(simulation, flank)
+        trace, table = _nominal(simulation, left, plan.start_angles)
         own = [one for one in threads if one.flank == flank]
-        verdict = judge(table, own, target=target, screw_lead=_screw_lead(simulation))
+        verdict = judge(table, own, target=_leads(simulation, left, trace, table) if left.variable else target,
+                        screw_lead=_screw_lead(simulation))
         verdicts.append(replace(verdict, notes=(*verdict.notes, f"told by the flank {flank}")))
     return verdicts[0] if len(verdicts) == 1 else together(verdicts)
 
 
-def _nominal(simulation: Simulation, one: Pass, start_angles: Sequence[float]) -> PitchTable:
+def _nominal(simulation: Simulation, one: Pass, start_angles: Sequence[float]) -> tuple[Trace, PitchTable]:
     """Of the detectors' signals, with the crossings along the axis."""
     rows = recorded_rows(simulation, one, _DETECTED)
     angle, position = (np.asarray(simulation[name], dtype=np.float64)[rows] for name in _DETECTED)
-    return pitch_table(Trace(angle, position), start_angles)
+    trace = Trace(angle, position)
+    return trace, pitch_table(trace, start_angles)
+
+
+def _leads(simulation: Simulation, one: Pass, trace: Trace, table: PitchTable) -> FloatArray:
+    """(start_angles, revolutions) m: lead + lead_change (n - 1/2 + o) of the pass's turns as its trace numbers them.
+
+    The line begins at the pass's start angle, in the turn in which its first row is.
+    """
+    assert one.lead is not None  # of a pass whose lead changes
+    assert one.start_angle is not None
+    begins = one.start_angle + TURN * np.floor((trace.angle[0] - one.start_angle) / TURN + _BEFORE)
+    middles = table.start_angles[:, np.newaxis] + TURN * (table.turns_before + np.arange(table.pitch.shape[1]) + 0.5)
+    change = simulation.parameter(f"{CONTROLLER}.lead_change") or 0.0
+    return np.asarray(one.lead + change * (middles - begins) / TURN)
 
 
 def _control(simulation: Simulation, left: Pass, target: float | FloatArray) -> tuple[tuple[ControlParts, ...], str]:

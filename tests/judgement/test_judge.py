@@ -261,7 +261,7 @@ def test_none_is_an_equivalence_with_what_is_negligible() -> None:
         again = tp.judge(QUIET, noisy, target=TARGET, uncertainty=U, negligible=share * told)
         assert again.cause == cause
     assert f"a pitch may be off by {1e6 * told:.3g} um" in again.sentence
-    with pytest.raises(JudgementError, match="negligible deviation is -0.001 mm"):
+    with pytest.raises(JudgementError, match=r"negligible deviation is -0\.001 mm"):
         tp.judge(QUIET, noisy, target=TARGET, uncertainty=U, negligible=-U)
 
 

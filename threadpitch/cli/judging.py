@@ -34,6 +34,7 @@ from threadpitch.pitch import GroupPitch, StreamedPitch
 from threadpitch.sparkline import verdict_line
 from threadpitch.tables import printable
 from threadpitch.tolerance import PitchConformity, Thread, parse_thread, pitch_conformity
+from threadpitch.trace import TURN, FloatArray
 from threadpitch.units import from_si, to_si
 
 
@@ -50,6 +51,7 @@ class Judged:
     engagement_mm: float | None = None
     expected_lag_ms: float | None = None
     negligible_um: float | None = None
+    lead_change_mm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -79,15 +81,31 @@ def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged, recording:
         LatheError: an option is missing.
     """
     group = groups[-1]
+    _check(asked)
     thread = None if asked.thread is None else parse_thread(asked.thread)
     measured = [] if asked.measured is None else read_measured(asked.measured)
     verdict = _verdict(group, measured, thread, asked) if measured else None
     tolerances = tuple(_tolerances(group, measured, thread, asked)) if thread else ()
-    known = Findings(group.label, verdict, tolerances, tuple(measured), _target(thread, asked))
+    target = _target(thread, asked)
+    known = Findings(group.label, verdict, tolerances, tuple(measured), None if asked.lead_change_mm else target)
     if verdict is None:
         return known
-    control, why_not = _where_in_the_control(verdict, group, known.target or 0.0, asked, recording)
+    control, why_not = _where_in_the_control(verdict, group, _targets(group, target or 0.0, asked), asked, recording)
     return replace(known, control=control, why_not=why_not)
+
+
+def _check(asked: Judged) -> None:
+    """In the units of the command line, before anything is told in SI."""
+    for option, value, unit in (("--uncertainty", asked.uncertainty_um, "um"),
+                                ("--engagement", asked.engagement_mm, "mm"),
+                                ("--negligible", asked.negligible_um, "um"),
+                                ("--ball-screw", asked.screw_lead_mm, "mm")):
+        if value is not None and not value > 0.0:
+            fail(f"{option} is {value:g} {unit}; give a positive length")
+    if asked.lead_change_mm and asked.measured is None:
+        fail("--lead-change belongs to measured pitches; give them with --measured FILE")
+    if not 0.0 < asked.limit_percent <= 100.0:
+        fail(f"--limit is {asked.limit_percent:g} %; give a share of the tolerance above 0 and up to 100 %")
 
 
 def findings_document(found: Findings) -> dict[str, object]:
@@ -121,8 +139,9 @@ def _verdict(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], 
     target = _target(thread, asked)
     if target is None:
         fail("the target of the pitch is not known; give --target in mm, or --thread like M20x1.5-6g")
-    return judge(group.table, measured, target=target, uncertainty=_si(asked.uncertainty_um, "um"),
-                 screw_lead=_si(asked.screw_lead_mm, "mm"), negligible=_si(asked.negligible_um, "um"))
+    return judge(group.table, measured, target=_targets(group, target, asked),
+                 uncertainty=_si(asked.uncertainty_um, "um"), screw_lead=_si(asked.screw_lead_mm, "mm"),
+                 negligible=_si(asked.negligible_um, "um"))
 
 
 def _target(thread: Thread | None, asked: Judged) -> float | None:
@@ -135,8 +154,25 @@ def _target(thread: Thread | None, asked: Judged) -> float | None:
     return None if thread is None else thread.lead
 
 
-def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, target: float, asked: Judged,
-                          recording: Recording) -> tuple[tuple[ControlParts, ...], str]:
+def _targets(group: GroupPitch | StreamedPitch, target: float, asked: Judged) -> float | FloatArray:
+    """m, or (start_angles, turns) m where the lead changes: lead + change (n - 1/2 + o), o the turns from the first
+    sample to the start angle, as after G34 with its F and K.
+    """
+    if not asked.lead_change_mm:
+        return target
+    if asked.thread is not None:
+        fail("a thread whose lead changes has no tolerance of ISO 965; leave --thread or --lead-change out")
+    table = group.table
+    middles = table.start_angles[:, np.newaxis] + TURN * (table.turns_before + np.arange(table.pitch.shape[1]) + 0.5)
+    leads = target + to_si(asked.lead_change_mm, "mm") * (middles - group.begins) / TURN
+    if not (leads > 0.0).all():
+        fail(f"with {asked.lead_change_mm:g} mm a turn the lead of {from_si(target, 'mm'):.6g} mm falls to nothing "
+             f"within {table.pitch.shape[1]} turns; give a smaller --lead-change")
+    return np.asarray(leads)
+
+
+def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, target: float | FloatArray,
+                          asked: Judged, recording: Recording) -> tuple[tuple[ControlParts, ...], str]:
     """(parts of the nominal pitches by start angle, "") over the turns that were measured, or ((), why not)."""
     lag = asked.expected_lag_ms
     if lag is not None and not 0.0 < lag < math.inf:
@@ -144,9 +180,11 @@ def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, t
     first = 1.0 if math.isnan(verdict.evidence.span[0]) else verdict.evidence.span[0]
     table = group.table
     enough = np.sum(np.isfinite(table.pitch[:, int(first) - 1:]), axis=1) >= FEWEST_TURNS
-    chosen = table.start_angles[enough] if enough.any() else table.start_angles[:1]
+    rows = np.flatnonzero(enough) if enough.any() else np.zeros(1, dtype=np.intp)
+    chosen = table.start_angles[rows]
+    wanted = target[rows] if isinstance(target, np.ndarray) else target
     try:
-        return control_parts_of(recording(), target, [Turns(float(one), int(first)) for one in chosen],
+        return control_parts_of(recording(), wanted, [Turns(float(one), int(first)) for one in chosen],
                                 None if lag is None else ExpectedLag(1e3 / lag)), ""
     except JudgementError as error:
         return (), str(error)
