@@ -161,6 +161,18 @@ def test_a_variable_lead_is_judged_as_it_was_measured() -> None:
     assert other.verdict.cause == "control", other.verdict.sentence
 
 
+def test_an_eccentric_encoder_is_told_within_the_turn() -> None:
+    """w = F / 360 deg 0.3 deg Kv / sqrt(Kv^2 + omega^2), its largest less its least at four angles; not in P(n)."""
+    omega = 500.0 / 60.0 * 2.0 * np.pi
+    size = 1.5e-3 / 360.0 * 0.3 * 50.0 / np.hypot(50.0, omega)
+    one = found("encoder_eccentricity")
+    assert one.verdict.evidence.within_turn is not None
+    assert one.verdict.evidence.measured_within_turn is not None
+    for told in (one.verdict.evidence.within_turn, one.verdict.evidence.measured_within_turn[0]):
+        assert np.sqrt(2.0) * size * 0.95 < told < 2.0 * size * 1.05
+    assert any(line.startswith("Error within the turn that repeats: ") for line in diagnosis_lines(one))
+
+
 def test_a_chain_of_several_leads_is_refused() -> None:
     chain = {"controller.further_blocks": 1, "controller.further_z": ["-36mm"], "controller.further_x": ["8mm"]}
     same = lathe.simulate(parameters={**chain, "controller.further_lead": ["1.5mm"]})

@@ -19,9 +19,11 @@ from threadpitch.judgement import (
     control_documents,
     control_lines,
     control_parts_of,
+    drunkenness,
     judge,
     together,
     verdict_document,
+    within_turn_line,
 )
 from threadpitch.judgement.control import FEWEST_TURNS
 from threadpitch.lathe import ACTUAL, NOMINAL, Simulation
@@ -93,8 +95,10 @@ def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
     threads: tuple[MeasuredThread, ...] = ()
     if plan is None:
         nominal, actual, known = _both(left, simulation)
-        verdict = judge(nominal, actual, target=targets[known, :actual.shape[1]] if left.variable else target,
-                        uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
+        wanted = targets[known, :actual.pitch.shape[1]] if left.variable else target
+        verdict = judge(nominal, actual.pitch, target=wanted, uncertainty=uncertainty,
+                        screw_lead=_screw_lead(simulation))
+        verdict = verdict if left.variable else _with_drunkenness(verdict, actual, target, uncertainty)
     else:
         threads, uncertainty = tuple(measure(simulation, plan, simulation.passes[-1])), plan.uncertainty
         verdict = _of_flanks(simulation, plan, threads, target)
@@ -144,6 +148,7 @@ def diagnosis_lines(found: Diagnosis) -> list[str]:
     lines = [f"Verdict on pass {found.pass_number}, pitches {how}", found.verdict.sentence]
     lines += [f"  - {line}" for line in found.verdict.advice]
     lines += [f"Note: {note}" for note in found.verdict.notes]
+    lines += [line for line in (within_turn_line(found.verdict.evidence),) if line]
     return [*lines, *control_lines(found.controls)] if found.control_shows else lines
 
 
@@ -170,8 +175,8 @@ def _screw_lead(simulation: Simulation) -> float | None:
     return simulation.parameter(f"{Z_DRIVE}.screw_lead") if ball_screw else None
 
 
-def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, FloatArray, NDArray[np.bool_]]:
-    """Nominal and actual pitches (start_angles, turns) m of the same turns, NaN outside of the metal, and of which of
+def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, PitchTable, NDArray[np.bool_]]:
+    """Nominal and actual pitches of the same turns, NaN outside of the metal, and of which of
     the pass's start angles they are.
     """
     other = next(one for one in simulation.passes_of(ACTUAL) if one.number == left.number)
@@ -180,7 +185,24 @@ def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, FloatArray, N
     nominal = np.where(inside, left.table.pitch[:, :turns], np.nan)
     actual = np.where(inside, other.table.pitch[:, :turns], np.nan)
     known = (np.isfinite(nominal) & np.isfinite(actual)).any(axis=1)  # a start angle may have no turn in the metal yet
-    return PitchTable.of_pitches(nominal[known], left.table.start_angles[known]), actual[known], known
+    starts = left.table.start_angles[known]
+
+    def table(pitches: FloatArray, one: Pass) -> PitchTable:
+        return replace(PitchTable.of_pitches(pitches[known], starts), crossings=one.table.crossings[known, :turns + 1])
+
+    return table(nominal, left), table(actual, other), known
+
+
+def _with_drunkenness(verdict: Verdict, actual: PitchTable, target: float, uncertainty: float) -> Verdict:
+    """The verdict with the groove's error within the turn, over the turns that were judged."""
+    first, last = verdict.evidence.span
+    if not np.isfinite([first, last]).all():
+        return verdict
+    size = drunkenness(actual, target, (int(first), int(last)))
+    if size is None:
+        return verdict
+    doubt = uncertainty * float(np.sqrt(2.0 / (last - first + 2.0)))  # of the mean over the grooves
+    return replace(verdict, evidence=replace(verdict.evidence, measured_within_turn=(size, doubt)))
 
 
 def _of_flanks(simulation: Simulation, plan: MeasuringPlan, threads: Sequence[MeasuredThread],

@@ -348,3 +348,11 @@ def test_masked_is_missing() -> None:
     spoiled = np.ma.masked_array(np.where(np.arange(20) == 7, 1.6e-3, pitches), mask=np.arange(20) == 7)
     verdict = tp.judge(pitches, spoiled, target=1.5e-3, uncertainty=0.1e-6)
     assert (verdict.cause, verdict.evidence.turns) == ("control", 19)
+
+
+def test_a_movement_that_is_not_in_the_thread_is_said_to_be_of_another_log() -> None:
+    """Smooth and large in the nominal pitches, and the thread excludes even half of it."""
+    verdict = tp.judge(TARGET + DIP, TARGET + noise(11), target=TARGET, uncertainty=U)
+    assert verdict.cause == "undetermined"
+    assert "which is not in the thread (gain " in verdict.sentence
+    assert verdict.advice[0].startswith("Check that the nominal pitches are of this thread")

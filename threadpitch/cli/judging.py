@@ -27,6 +27,7 @@ from threadpitch.judgement import (
     control_parts_of,
     judge,
     verdict_document,
+    within_turn_line,
 )
 from threadpitch.judgement.control import FEWEST_TURNS
 from threadpitch.judgement.measured_file import read_measured
@@ -124,7 +125,7 @@ def show_findings(console: Console, found: Findings) -> None:
     if found.verdict is not None:
         console.print(Text(f"Verdict on the measured pitches, against group {printable(found.group)}", style="bold"))
         console.print(verdict_line(found.verdict.cause, printable(found.verdict.sentence)))
-        for line in _verdict_lines(found.verdict):
+        for line in _verdict_lines(found.verdict, found.measured):
             console.print(Text(printable(line)), soft_wrap=False)
         for line in _control_lines(found):
             console.print(Text(printable(line)))
@@ -221,11 +222,13 @@ def _si(value: float | None, unit: str) -> float | None:
     return None if value is None else to_si(value, unit)
 
 
-def _verdict_lines(verdict: Verdict) -> list[str]:
+def _verdict_lines(verdict: Verdict, measured: Sequence[MeasuredThread]) -> list[str]:
     lines = [*(f"  - {line}" for line in verdict.advice), *_evidence_lines(verdict.evidence)]
     lines += [f"Note: {note}" for note in verdict.notes]
-    for number, row in enumerate(verdict.rows, start=1):
-        lines.append(f"Measured row {number}: {row.sentence}")
+    names = [" ".join(word for word in (one.flank, _angle(one)) if word) for one in measured]
+    for number, row in enumerate(verdict.rows):
+        name = names[number] if len(names) == len(verdict.rows) else ""
+        lines.append(f"Measured {name or f'row {number + 1}'}: {row.sentence}")
     return lines
 
 
@@ -241,11 +244,7 @@ def _evidence_lines(found: Evidence) -> list[str]:
         lines.append(f"Turns on the same side of the target: {100.0 * found.sign_agreement:.0f} %")
     lines.append(f"Share of the control: {100.0 * found.control_share:.0f} %, of the rest: "
                  f"{100.0 * found.rest_share:.0f} %")
-    told = [] if found.within_turn is None else [f"{from_si(found.within_turn, 'um'):.3g} um (nominal)"]
-    if found.measured_within_turn is not None:
-        size, uncertainty = (from_si(value, "um") for value in found.measured_within_turn)
-        told.append(f"{size:.3g} um (measured, +- {2.0 * uncertainty:.2g} um)")
-    return [*lines, f"Error within the turn that repeats: {', '.join(told) or 'not observable from P(n)'}"]
+    return [*lines, within_turn_line(found) or "Error within the turn that repeats: not observable from P(n)"]
 
 
 def _conformity_lines(found: PitchConformity) -> list[str]:

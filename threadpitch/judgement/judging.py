@@ -26,6 +26,7 @@ MOST_OFFSETS = 40  # ways to lay tables of different lengths over one another
 NEAR_OFFSETS = 8.0  # cost by which another place may fit worse and still be the right one
 SHIFTS = tuple(range(-12, 0)) + tuple(range(1, 13))  # turns by which tables may be out of step: an approach is as long
 _SHIFT_WORTH = 0.5  # part of the squares of measured less nominal pitch that a shift must leave at most to be tried
+_ALIKE = 1.3  # shares of the squares by which two shifts fit alike
 _SHIFT_KEEPS = 0.6  # part of the turns that both tables must still have then
 _NO_FLUCTUATION = 0.4  # of the target: the pitches' median is that far off where the unit or the thread is another
 _COARSEST = 0.1  # of the target: uncertainty above which no thread is judged
@@ -197,7 +198,8 @@ def _better_shift(pair: Pair, row: Row, uncertainty: FloatArray, question: _Ques
             fits.append((share, shift, same, other))
     if not fits:
         return 0
-    _, shift, same, other = min(fits, key=lambda one: one[0])
+    least = min(share for share, *_ in fits)  # a ripple fits again a period further: the smallest shift of those alike
+    _, shift, same, other = min((one for one in fits if one[0] <= _ALIKE * least), key=lambda one: abs(one[1]))
     here = assess(same, question.screw_turns, question.parts)
     there = assess(other, question.screw_turns, question.parts)
     return shift if min(there.costs.values()) < min(here.costs.values()) - OUT_OF_STEP else 0

@@ -95,6 +95,15 @@ def advice(cause: str, found: Evidence) -> tuple[str, ...]:
         lines.append("Measure more turns, or with a smaller uncertainty.")
     return tuple(lines)
 
+def within_turn_line(found: Evidence) -> str:
+    """What repeats with every turn and is not in P(n); empty where it cannot be told."""
+    told = [] if found.within_turn is None else [f"{_um(found.within_turn)} um (nominal)"]
+    if found.measured_within_turn is not None:
+        size, uncertainty = found.measured_within_turn
+        told.append(f"{_um(size)} um (measured, +- {from_si(2.0 * uncertainty, 'um'):.2g} um)")
+    return f"Error within the turn that repeats: {', '.join(told)}" if told else ""
+
+
 def _gain(found: Evidence) -> str:
     if found.gain is None or found.gain_interval is None:
         return ""
