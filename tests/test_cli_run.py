@@ -159,15 +159,20 @@ def test_a_failing_run_leaves_the_former_one(threadpitch: Command, workplace: Pa
     assert {path.name: path.read_bytes() for path in (workplace / "threadpitch-run").iterdir()} == before
 
 
-def test_a_run_without_a_turn_is_saved(threadpitch: Command, workplace: Path) -> None:
-    done = threadpitch("run", "--stop-time", "0.2")
+@pytest.mark.parametrize(("stop", "message"), [
+    (0.1, r"no threading until the stop at 0\.1 s; the spindle reached \d+ of 500 rpm; choose a longer "),
+    (0.3, r"no whole turn until the stop at 0\.3 s: threading began at 0\.\d+ s; choose a longer "),
+])
+def test_a_run_without_a_turn_is_saved(threadpitch: Command, workplace: Path, stop: float, message: str) -> None:
+    done = threadpitch("run", "--stop-time", stop)
     assert done.status == 2
     assert done.err.count("\n") == 1
-    assert "no threading until the stop at 0.2 s; " in done.err
+    assert re.search(message, done.err)
     assert done.err.endswith("; what was computed until then is saved in threadpitch-run\n")
     folder = workplace / "threadpitch-run"
     assert json.loads((folder / "result.json").read_text())["passes"] == []
-    assert len((folder / "trace.csv").read_text().splitlines()) == 202  # the header, and a row after every step
+    # The header, and a row after every step of 1 ms.
+    assert len((folder / "trace.csv").read_text().splitlines()) == round(1000 * stop) + 2
 
 
 def test_warnings_of_fmus_go_to_standard_error(threadpitch: Command, workplace: Path, short_run: lathe.Simulation,
