@@ -11,6 +11,7 @@ import pytest
 from tests.conftest import Command, assert_one_line
 from tests.test_faults import run
 from threadpitch import faults, lathe
+from threadpitch.cosim.values import Given
 from threadpitch.diagnosis import UNCERTAINTY, Diagnosis, diagnose, diagnosis_document, diagnosis_lines
 from threadpitch.judgement import ControlParts, JudgementError
 from threadpitch.measuring import MeasuringPlan
@@ -174,7 +175,8 @@ def test_an_eccentric_encoder_is_told_within_the_turn() -> None:
 
 
 def test_a_chain_of_several_leads_is_refused() -> None:
-    chain = {"controller.further_blocks": 1, "controller.further_z": ["-36mm"], "controller.further_x": ["8mm"]}
+    chain: dict[str, Given] = {"controller.further_blocks": 1, "controller.further_z": ["-36mm"],
+                               "controller.further_x": ["8mm"]}
     same = lathe.simulate(parameters={**chain, "controller.further_lead": ["1.5mm"]})
     assert diagnose(same) is not None
     other = lathe.simulate(parameters={**chain, "controller.further_lead": ["2mm"]})

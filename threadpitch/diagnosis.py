@@ -184,7 +184,8 @@ def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, PitchTable, N
     inside = left.in_metal[:, :turns]
     nominal = np.where(inside, left.table.pitch[:, :turns], np.nan)
     actual = np.where(inside, other.table.pitch[:, :turns], np.nan)
-    known = (np.isfinite(nominal) & np.isfinite(actual)).any(axis=1)  # a start angle may have no turn in the metal yet
+    both = np.isfinite(nominal) & np.isfinite(actual)
+    known = np.asarray(both.any(axis=1), dtype=np.bool_)  # a start angle may have no turn in the metal yet
     starts = left.table.start_angles[known]
 
     def table(pitches: FloatArray, one: Pass) -> PitchTable:

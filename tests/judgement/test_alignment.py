@@ -90,10 +90,11 @@ def test_turns_that_were_counted_from_another_groove_are_told(offset: int) -> No
     """A measuring machine counts from the first groove in the metal, the nominal table from the start of the feed."""
     nominal = np.concatenate([[TARGET - 250e-6, TARGET - 9e-6], SEEN[2:]])
     inside = np.arange(9, 34)
+    turn = NUMBERS[inside]
     shown = nominal[inside] + noise(8)[:inside.size]
-    right = tp.judge(nominal, MeasuredThread(shown, turn=inside + 1.0), target=TARGET, uncertainty=U)
+    right = tp.judge(nominal, MeasuredThread(shown, turn=turn), target=TARGET, uncertainty=U)
     assert right.cause == "control"
-    wrong = tp.judge(nominal, MeasuredThread(shown, turn=inside + 1.0 + offset), target=TARGET, uncertainty=U)
+    wrong = tp.judge(nominal, MeasuredThread(shown, turn=turn + offset), target=TARGET, uncertainty=U)
     assert wrong.cause == "undetermined"
     assert f"by {-offset} turns" in wrong.sentence
     assert "give positions" in wrong.notes[0]

@@ -202,7 +202,10 @@ def _better_shift(pair: Pair, row: Row, uncertainty: FloatArray, question: _Ques
     _, shift, same, other = min((one for one in fits if one[0] <= _ALIKE * least), key=lambda one: abs(one[1]))
     here = assess(same, question.screw_turns, question.parts)
     there = assess(other, question.screw_turns, question.parts)
-    return shift if min(there.costs.values()) < min(here.costs.values()) - OUT_OF_STEP else 0
+    likeliest = min(there.costs, key=lambda cause: there.costs[cause])
+    if likeliest not in (CONTROL, BOTH):  # it only shifts what the thread does not have out of sight
+        return 0
+    return shift if there.costs[likeliest] < min(here.costs.values()) - OUT_OF_STEP else 0
 
 
 def _misfit(pair: Pair) -> float:
