@@ -78,7 +78,7 @@ def test_the_nominal_pitches_have_their_tolerance_too(threadpitch: Command, log:
      r"the target is 1.5 mm and the lead of M20x3\(P1.5\)-6g is 3 mm"),
     (("--measured", "none.csv", "--target", "1.5"), "there is no such file"),
     (("--measured", "measured.csv", "--target", "-1.5"), "give a positive"),
-    (("--thread", "M20x1.5-6g", "--limit", "0"), "give a limit from 0 to 1"),
+    (("--thread", "M20x1.5-6g", "--limit", "0"), "--limit is .* %; give a share of the tolerance above 0"),
 ])
 def test_what_is_missing_is_said_in_one_line(threadpitch: Command, log: Path, measured: Path,
                                              options: tuple[str, ...], text: str) -> None:
@@ -86,3 +86,34 @@ def test_what_is_missing_is_said_in_one_line(threadpitch: Command, log: Path, me
     outcome = threadpitch("analyze", log, *COLUMNS, *options)
     assert (outcome.status, outcome.out) == (2, "")
     assert_one_line(outcome.err, text)
+
+
+def test_a_lead_that_changes_is_judged_turn_by_turn(threadpitch: Command, workplace: Path) -> None:
+    """The measured thread has the lead of every turn: from F at the first sample on, F + K (n - 1/2 + o)."""
+    angle = np.linspace(0.0, TURNS, 60 * TURNS + 1)
+    rows = "\n".join(f"{a / 8.0:.9f},{a:.9f},{1.5 * a + 0.01 * a * a:.9f}" for a in angle)
+    (workplace / "log.csv").write_text(f"time_s,angle,z\n{rows}\n", encoding="utf-8")
+    draw, lines = np.random.default_rng(3), []
+    for offset in (0.0, 0.25):
+        ends = np.arange(TURNS) + offset
+        grooves = 1.5 * ends + 0.01 * ends**2 + 0.0003 * draw.normal(size=ends.size)
+        lines += [f"{n + 1},{p:.7f},0.5,{360 * offset:g}" for n, p in enumerate(np.diff(grooves))]
+    text = "turn,pitch_mm,uncertainty_um,start_angle_deg\n" + "\n".join(lines) + "\n"
+    (workplace / "measured.csv").write_text(text, encoding="utf-8")
+    options = ("analyze", workplace / "log.csv", *COLUMNS, "--measured", workplace / "measured.csv", "--start-angle", 0,
+               90, "--target", 1.5, "--lead-change", 0.02)
+    document = json.loads(threadpitch(*options, "--json").out)["verdict"]
+    assert document["cause"] == "none", document["sentence"]
+    assert document["evidence"]["largest_um"] == pytest.approx(0.0, abs=2.5)
+    assert [one["cause"] for one in document["rows"]] == ["none", "none"]
+    text = " ".join(threadpitch(*options).out.split())
+    assert "Measured at 0 deg: None: " in text
+    assert "Measured at 90 deg: None: " in text
+    for more, message in ((("--thread", "M20x1.5-6g"), "leave --thread or --lead-change out"),
+                          (("--lead-change", "-0.1"), "give a smaller --lead-change")):
+        outcome = threadpitch(*options, *more)
+        assert outcome.status == 2
+        assert_one_line(outcome.err, message)
+    outcome = threadpitch("analyze", workplace / "log.csv", *COLUMNS, "--target", 1.5, "--lead-change", 0.02)
+    assert outcome.status == 2
+    assert_one_line(outcome.err, "give them with --measured FILE")

@@ -11,8 +11,9 @@ import pytest
 from tests.conftest import Command, assert_one_line
 from tests.test_faults import run
 from threadpitch import faults, lathe
+from threadpitch.cosim.values import Given
 from threadpitch.diagnosis import UNCERTAINTY, Diagnosis, diagnose, diagnosis_document, diagnosis_lines
-from threadpitch.judgement import ControlParts
+from threadpitch.judgement import ControlParts, JudgementError
 from threadpitch.measuring import MeasuringPlan
 
 pytestmark = pytest.mark.usefixtures("fmu_cache")
@@ -113,6 +114,83 @@ def test_where_in_the_control_is_told_of_every_start_angle() -> None:
     assert all("start 100 %" in line or "start 9" in line for line in others), others
     documents: Any = diagnosis_document(one)["control"]
     assert [each["start_angle_deg"] for each in documents["start_angles"]] == pytest.approx([0.0, 90.0, 180.0, 270.0])
+
+
+def test_saturation_is_told_of_every_start_angle_without_a_start_that_nobody_saw() -> None:
+    """A transient that is over before the turns that it would be fitted to is not told from them."""
+    one = diagnose(run("saturation"))
+    assert one is not None
+    assert len(one.controls) == 4
+    for parts in one.controls:
+        assert parts.shares["saturation"] == pytest.approx(1.0, abs=0.02)
+        assert all(abs(share) < 0.02 for name, share in parts.shares.items() if name != "saturation")
+    assert one.verdict.notes == ()  # the target is that of this thread
+
+
+def test_a_ripple_is_not_called_a_drop() -> None:
+    for name in ("belt_ripple", "low_gain"):
+        assert "it goes up and down, by up to " in control(name).sentences()[0]
+
+
+@pytest.mark.parametrize(("change", "gain"), [(0.02e-3, 50.0), (0.1e-3, 30.0)])
+def test_the_lag_of_a_variable_lead_is_the_leads(change: float, gain: float) -> None:
+    """v = lead(n) rps, and the feed is v / Kv behind: P(n) is off by -change rps / Kv, at an even speed."""
+    simulation = lathe.simulate(parameters={**faults.read_fault("none").parameters, "controller.lead_change": change,
+                                            "z_drive.position_gain": gain})
+    one = diagnose(simulation)
+    assert one is not None
+    assert one.controls
+    for parts in one.controls:
+        assert parts.shares["lead"] == pytest.approx(1.0, abs=0.06)  # the chip grows with the lead
+        assert parts.lag == pytest.approx(1.0 / gain, rel=0.03)
+        formula = -change * float(np.mean(parts.speed)) / (2.0 * np.pi) / gain
+        assert np.median(parts.parts["lead"]) == pytest.approx(formula, rel=0.03)
+        assert parts.sentences()[0].split(": ")[1] == "the lead changes, and with it the feed's velocity"
+
+
+def test_a_variable_lead_is_judged_as_it_was_measured() -> None:
+    """Turn by turn against the lead of the turn, at every point around the thread."""
+    simulation = lathe.simulate(parameters={**faults.read_fault("none").parameters, "controller.lead_change": 0.05e-3,
+                                            "z_drive.feedforward": 1.0})
+    one = diagnose(simulation, MeasuringPlan(uncertainty=FINE, points=3, seed=2))
+    assert one is not None
+    assert one.verdict.cause == "none", one.verdict.sentence
+    assert len(one.verdict.rows) == 2 * 3 or one.verdict.evidence.fluctuation < 2.0 * FINE
+    lagging = lathe.simulate(parameters={**faults.read_fault("none").parameters, "controller.lead_change": 0.05e-3})
+    other = diagnose(lagging, MeasuringPlan(uncertainty=FINE, points=3, seed=2))
+    assert other is not None
+    assert other.verdict.cause == "control", other.verdict.sentence
+
+
+def test_an_eccentric_encoder_is_told_within_the_turn() -> None:
+    """w = F / 360 deg 0.3 deg Kv / sqrt(Kv^2 + omega^2), its largest less its least at four angles; not in P(n)."""
+    omega = 500.0 / 60.0 * 2.0 * np.pi
+    size = 1.5e-3 / 360.0 * 0.3 * 50.0 / np.hypot(50.0, omega)
+    one = found("encoder_eccentricity")
+    assert one.verdict.evidence.within_turn is not None
+    assert one.verdict.evidence.measured_within_turn is not None
+    for told in (one.verdict.evidence.within_turn, one.verdict.evidence.measured_within_turn[0]):
+        assert np.sqrt(2.0) * size * 0.95 < told < 2.0 * size * 1.05
+    assert any(line.startswith("Error within the turn that repeats: ") for line in diagnosis_lines(one))
+
+
+def test_a_chain_of_several_leads_is_refused() -> None:
+    chain: dict[str, Given] = {"controller.further_blocks": 1, "controller.further_z": ["-36mm"],
+                               "controller.further_x": ["8mm"]}
+    same = lathe.simulate(parameters={**chain, "controller.further_lead": ["1.5mm"]})
+    assert diagnose(same) is not None
+    other = lathe.simulate(parameters={**chain, "controller.further_lead": ["2mm"]})
+    with pytest.raises(JudgementError, match=r"leads of their own \(1\.5, 2 mm\).* cut its blocks by themselves"):
+        diagnose(other)
+
+
+def test_a_run_that_stops_before_the_metal_says_so() -> None:
+    with pytest.raises(JudgementError, match=r"pass 1 is in the metal: the simulation stops at 0\.7 s, while"):
+        diagnose(lathe.simulate(stop_time=0.7))
+    one = diagnose(lathe.simulate(stop_time=0.9))
+    assert one is not None
+    assert one.verdict.cause == "undetermined"
+    assert not one.controls
 
 
 def test_without_both_calculators_there_is_no_verdict() -> None:

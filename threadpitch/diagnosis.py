@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from threadpitch.judgement import (
     ControlParts,
@@ -18,9 +19,11 @@ from threadpitch.judgement import (
     control_documents,
     control_lines,
     control_parts_of,
+    drunkenness,
     judge,
     together,
     verdict_document,
+    within_turn_line,
 )
 from threadpitch.judgement.control import FEWEST_TURNS
 from threadpitch.lathe import ACTUAL, NOMINAL, Simulation
@@ -40,6 +43,7 @@ _EXPONENTIAL = 0  # a value of the controller's start_mode
 _BALL_SCREW = 1  # of the drive's drive_type
 _AT_THE_LIMIT = 0.999
 _WORTH = 1.0  # of the uncertainty: the control is not explained where it does less
+_BEFORE = 1e-2  # of a turn: the first row may be a count before the line begins
 _CUTS = 0.5  # of the turns in the metal in which a pass must take a chip off a flank to have left it
 
 
@@ -87,12 +91,11 @@ def diagnose(simulation: Simulation, plan: MeasuringPlan | None = None, *,
     if not {NOMINAL, ACTUAL} <= set(simulation.calculators) or not simulation.passes:
         return None
     left = _left_by(simulation)
+    _can_be_judged(left, simulation)
     targets, target = _targets(left)
     threads: tuple[MeasuredThread, ...] = ()
     if plan is None:
         verdict = _of_groove(simulation, left, uncertainty)
-    elif left.variable:
-        raise JudgementError("a thread whose lead changes is judged without a measuring plan; leave --measure out")
     else:
         threads, uncertainty = tuple(measure(simulation, plan, simulation.passes[-1])), plan.uncertainty
         verdict = _of_flanks(simulation, plan, threads, target)
@@ -110,7 +113,35 @@ def verdict_on_groove(simulation: Simulation, *, uncertainty: float = UNCERTAINT
         raise JudgementError(f"the system does not calculate both pitches; it needs {NOMINAL} and {ACTUAL}")
     if not simulation.passes:
         raise JudgementError(simulation.why_no_turn())
-    return _of_groove(simulation, _left_by(simulation), uncertainty)
+    left = _left_by(simulation)
+    _can_be_judged(left, simulation)
+    return _of_groove(simulation, left, uncertainty)
+
+
+def _can_be_judged(left: Pass, simulation: Simulation) -> None:
+    """Whether it has turns in the metal, each of which has one lead that is known."""
+    leads = _leads_of_chain(simulation)
+    if len(set(leads)) > 1:
+        told = ", ".join(f"{from_si(lead, 'mm'):.6g}" + (f" {from_si(change, 'mm'):+.6g} a turn" if change else "")
+                         for lead, change in leads)
+        raise JudgementError(f"the blocks of the chain have leads of their own ({told} mm), and which turn is of which "
+                             "block is not known; cut its blocks by themselves to judge them")
+    if (left.in_metal & np.isfinite(left.table.pitch)).any():
+        return
+    threading = simulation.get(f"{CONTROLLER}.threading")
+    mend = f"the simulation stops at {simulation.time[-1]:g} s, while it is being cut; choose a longer stop time" \
+        if threading is not None and threading[-1] else "cut a longer thread, or begin farther from the workpiece"
+    raise JudgementError(f"no whole turn of pass {left.number} is in the metal: {mend}")
+
+
+def _leads_of_chain(simulation: Simulation) -> list[tuple[float, float]]:
+    """(lead, its change per turn), m, of every block; none where the controller cuts no chain."""
+    def told(name: str) -> float:
+        return simulation.parameter(f"{CONTROLLER}.{name}") or 0.0
+
+    further = [(told(f"further_lead[{k}]"), told(f"further_lead_change[{k}]"))
+               for k in range(1, int(told("further_blocks")) + 1)]
+    return [(told("lead"), told("lead_change")), *further] if further else []
 
 
 def diagnosis_document(found: Diagnosis) -> dict[str, object]:
@@ -129,6 +160,7 @@ def diagnosis_lines(found: Diagnosis) -> list[str]:
     lines = [f"Verdict on pass {found.pass_number}, pitches {how}", found.verdict.sentence]
     lines += [f"  - {line}" for line in found.verdict.advice]
     lines += [f"Note: {note}" for note in found.verdict.notes]
+    lines += [line for line in (within_turn_line(found.verdict.evidence),) if line]
     return [*lines, *control_lines(found.controls)] if found.control_shows else lines
 
 
@@ -156,10 +188,11 @@ def _screw_lead(simulation: Simulation) -> float | None:
 
 
 def _of_groove(simulation: Simulation, left: Pass, uncertainty: float) -> Verdict:
-    nominal, actual = _both(left, simulation)
+    nominal, actual, known = _both(left, simulation)
     targets, target = _targets(left)
-    return judge(nominal, actual, target=targets[:, :actual.shape[1]] if left.variable else target,
-                 uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
+    wanted = targets[known, :actual.pitch.shape[1]] if left.variable else target
+    verdict = judge(nominal, actual.pitch, target=wanted, uncertainty=uncertainty, screw_lead=_screw_lead(simulation))
+    return verdict if left.variable else _with_drunkenness(verdict, actual, target, uncertainty)
 
 
 def _targets(one: Pass) -> tuple[FloatArray, float]:
@@ -168,8 +201,10 @@ def _targets(one: Pass) -> tuple[FloatArray, float]:
     return targets, float(targets[np.isfinite(targets)][0])
 
 
-def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, FloatArray]:
-    """Nominal and actual pitches (start_angles, turns) m of the same turns, NaN outside of the metal."""
+def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, PitchTable, NDArray[np.bool_]]:
+    """Nominal and actual pitches of the same turns, NaN outside of the metal, and of which of the pass's start angles
+    they are.
+    """
     other = next((one for one in simulation.passes_of(ACTUAL) if one.number == left.number), None)
     if other is None:
         raise JudgementError("no turn of the groove was completed; choose a longer stop time")
@@ -177,7 +212,26 @@ def _both(left: Pass, simulation: Simulation) -> tuple[PitchTable, FloatArray]:
     inside = left.in_metal[:, :turns]
     nominal = np.where(inside, left.table.pitch[:, :turns], np.nan)
     actual = np.where(inside, other.table.pitch[:, :turns], np.nan)
-    return PitchTable.of_pitches(nominal, left.table.start_angles), actual
+    both = np.isfinite(nominal) & np.isfinite(actual)
+    known = np.asarray(both.any(axis=1), dtype=np.bool_)  # a start angle may have no turn in the metal yet
+    starts = left.table.start_angles[known]
+
+    def table(pitches: FloatArray, one: Pass) -> PitchTable:
+        return replace(PitchTable.of_pitches(pitches[known], starts), crossings=one.table.crossings[known, :turns + 1])
+
+    return table(nominal, left), table(actual, other), known
+
+
+def _with_drunkenness(verdict: Verdict, actual: PitchTable, target: float, uncertainty: float) -> Verdict:
+    """The verdict with the groove's error within the turn, over the turns that were judged."""
+    first, last = verdict.evidence.span
+    if not np.isfinite([first, last]).all():
+        return verdict
+    size = drunkenness(actual, target, (int(first), int(last)))
+    if size is None:
+        return verdict
+    doubt = uncertainty * float(np.sqrt(2.0 / (last - first + 2.0)))  # of the mean over the grooves
+    return replace(verdict, evidence=replace(verdict.evidence, measured_within_turn=(size, doubt)))
 
 
 def _of_flanks(simulation: Simulation, plan: MeasuringPlan, threads: Sequence[MeasuredThread],
@@ -185,18 +239,34 @@ def _of_flanks(simulation: Simulation, plan: MeasuringPlan, threads: Sequence[Me
     """Every flank against the nominal pitches of the pass that left it; one verdict of all."""
     verdicts = []
     for flank in dict.fromkeys(one.flank for one in threads):
-        table = _nominal(simulation, _left_by(simulation, flank), plan.start_angles)
+        left = _left_by(simulation, flank)
+        trace, table = _nominal(simulation, left, plan.start_angles)
         own = [one for one in threads if one.flank == flank]
-        verdict = judge(table, own, target=target, screw_lead=_screw_lead(simulation))
+        verdict = judge(table, own, target=_leads(simulation, left, trace, table) if left.variable else target,
+                        screw_lead=_screw_lead(simulation))
         verdicts.append(replace(verdict, notes=(*verdict.notes, f"told by the flank {flank}")))
     return verdicts[0] if len(verdicts) == 1 else together(verdicts)
 
 
-def _nominal(simulation: Simulation, one: Pass, start_angles: Sequence[float]) -> PitchTable:
+def _nominal(simulation: Simulation, one: Pass, start_angles: Sequence[float]) -> tuple[Trace, PitchTable]:
     """Of the detectors' signals, with the crossings along the axis."""
     rows = recorded_rows(simulation, one, _DETECTED)
     angle, position = (np.asarray(simulation[name], dtype=np.float64)[rows] for name in _DETECTED)
-    return pitch_table(Trace(angle, position), start_angles)
+    trace = Trace(angle, position)
+    return trace, pitch_table(trace, start_angles)
+
+
+def _leads(simulation: Simulation, one: Pass, trace: Trace, table: PitchTable) -> FloatArray:
+    """(start_angles, revolutions) m: lead + lead_change (n - 1/2 + o) of the pass's turns as its trace numbers them.
+
+    The line begins at the pass's start angle, in the turn in which its first row is.
+    """
+    assert one.lead is not None  # of a pass whose lead changes
+    assert one.start_angle is not None
+    begins = one.start_angle + TURN * np.floor((trace.angle[0] - one.start_angle) / TURN + _BEFORE)
+    middles = table.start_angles[:, np.newaxis] + TURN * (table.turns_before + np.arange(table.pitch.shape[1]) + 0.5)
+    change = simulation.parameter(f"{CONTROLLER}.lead_change") or 0.0
+    return np.asarray(one.lead + change * (middles - begins) / TURN)
 
 
 def _control(simulation: Simulation, left: Pass, target: float | FloatArray) -> tuple[tuple[ControlParts, ...], str]:
@@ -220,9 +290,9 @@ def _control(simulation: Simulation, left: Pass, target: float | FloatArray) -> 
 
 
 def _with_turns(left: Pass) -> list[int]:
-    """The start angles that have enough turns in the metal; the first one where none has."""
+    """The start angles that have enough turns in the metal; the one with the most where none has."""
     turns = np.sum(np.isfinite(left.table.pitch) & left.in_metal, axis=1)
-    return np.flatnonzero(turns >= FEWEST_TURNS).tolist() or [0]
+    return np.flatnonzero(turns >= FEWEST_TURNS).tolist() or [int(np.argmax(turns))]
 
 
 def _first_in_metal(left: Pass, row: int) -> int:

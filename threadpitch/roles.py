@@ -14,7 +14,8 @@ Z_DRIVE, X_DRIVE = "z_drive", "x_drive"  # names in the lathe's SSD
 
 # Parameters of the control that a diagnosis needs
 DIAGNOSED = {
-    CONTROLLER: ("commanded_speed", "start_mode", "start_time_constant", "command_age", "age_compensation"),
+    CONTROLLER: ("commanded_speed", "start_mode", "start_time_constant", "command_age", "age_compensation",
+                 *(f"further_{name}[{block}]" for name in ("lead", "lead_change") for block in range(1, 32))),
     Z_DRIVE: ("speed_limit", "position_gain", "feedforward", "command_period", "torque_limit", "drive_type",
               "screw_lead"),
 }

@@ -85,6 +85,27 @@ def test_tables_of_one_length_that_are_out_of_step_are_not_judged() -> None:
     assert "shifted by 2 turns" in verdict.notes[0]
 
 
+@pytest.mark.parametrize("offset", [-7, -3, 5, 9])
+def test_turns_that_were_counted_from_another_groove_are_told(offset: int) -> None:
+    """A measuring machine counts from the first groove in the metal, the nominal table from the start of the feed."""
+    nominal = np.concatenate([[TARGET - 250e-6, TARGET - 9e-6], SEEN[2:]])
+    inside = np.arange(9, 34)
+    turn = NUMBERS[inside]
+    shown = nominal[inside] + noise(8)[:inside.size]
+    right = tp.judge(nominal, MeasuredThread(shown, turn=turn), target=TARGET, uncertainty=U)
+    assert right.cause == "control"
+    wrong = tp.judge(nominal, MeasuredThread(shown, turn=turn + offset), target=TARGET, uncertainty=U)
+    assert wrong.cause == "undetermined"
+    assert f"by {-offset} turns" in wrong.sentence
+    assert "give positions" in wrong.notes[0]
+
+
+def test_another_fault_is_not_taken_for_another_numbering() -> None:
+    shown = TARGET + 8e-6 * np.sin(2.0 * math.pi * NUMBERS / 6.67) + noise(9)
+    verdict = tp.judge(SEEN, MeasuredThread(shown, turn=NUMBERS), target=TARGET, uncertainty=U)
+    assert verdict.cause in ("mechanical", "both")
+
+
 @pytest.mark.parametrize(("turn", "text"), [
     ([1.0, 2.0, 2.0, 4.0, 5.0, 6.0, 7.0], "comes 2 times"),
     ([1.0, 2.0, 2.5, 4.0, 5.0, 6.0, 7.0], "no whole number"),

@@ -261,7 +261,7 @@ def test_none_is_an_equivalence_with_what_is_negligible() -> None:
         again = tp.judge(QUIET, noisy, target=TARGET, uncertainty=U, negligible=share * told)
         assert again.cause == cause
     assert f"a pitch may be off by {1e6 * told:.3g} um" in again.sentence
-    with pytest.raises(JudgementError, match="negligible deviation is -1e-06 m"):
+    with pytest.raises(JudgementError, match=r"negligible deviation is -0\.001 mm"):
         tp.judge(QUIET, noisy, target=TARGET, uncertainty=U, negligible=-U)
 
 
@@ -315,9 +315,9 @@ def test_a_target_of_another_thread_is_told() -> None:
     shown = TARGET + DIP + noise(5)
     right = tp.judge(TARGET + DIP, shown, target=TARGET, uncertainty=U)
     wrong = tp.judge(TARGET + DIP, shown, target=25.4e-3 / 18.0, uncertainty=U)  # 1.411 mm
-    assert not any("is it that of this thread?" in note for note in right.notes)
+    assert not any("is it that of this thread" in note for note in right.notes)
     assert wrong.notes[0] == ("nominal and measured pitches agree on 1.5 mm and the target is 1.4111 mm: is it that "
-                              "of this thread?")
+                              "of this thread, and of every turn of it?")
 
 
 def test_uncertain_crossings_of_the_nominal_pitches_count() -> None:
@@ -329,11 +329,11 @@ def test_uncertain_crossings_of_the_nominal_pitches_count() -> None:
 
 
 @pytest.mark.parametrize(("nominal", "measured", "uncertainty", "message"), [
-    (1.0, 1e3, 1e-6, "the measured pitches are 1.5 m in their middle and the target is 0.0015 m"),
-    (1e3, 1.0, 1e-6, "the nominal pitches are 1.5 m"),
+    (1.0, 1e3, 1e-6, "the measured pitches are 1500 mm in their middle and the target is 1.5 mm"),
+    (1e3, 1.0, 1e-6, "the nominal pitches are 1500 mm"),
     (1.0, -1.0, 1e-6, "positive in the direction of the cut"),
-    (0.5, 0.5, 1e-6, "the target as movement per revolution"),
-    (1.0, 1.0, 1e-3, "the uncertainty of 0.001 m is more than a tenth"),
+    (0.5, 0.5, 1e-6, "the target is the movement per revolution"),
+    (1.0, 1.0, 1e-3, "the uncertainty of 1 mm is more than a tenth"),
     (1.0, np.nan, 1e-6, "there are no measured pitches but missing ones"),
 ])
 def test_another_unit_sign_or_thread_is_no_fluctuation(nominal: float, measured: float, uncertainty: float,
@@ -348,3 +348,11 @@ def test_masked_is_missing() -> None:
     spoiled = np.ma.masked_array(np.where(np.arange(20) == 7, 1.6e-3, pitches), mask=np.arange(20) == 7)
     verdict = tp.judge(pitches, spoiled, target=1.5e-3, uncertainty=0.1e-6)
     assert (verdict.cause, verdict.evidence.turns) == ("control", 19)
+
+
+def test_a_movement_that_is_not_in_the_thread_is_said_to_be_of_another_log() -> None:
+    """Smooth and large in the nominal pitches, and the thread excludes even half of it."""
+    verdict = tp.judge(TARGET + DIP, TARGET + noise(11), target=TARGET, uncertainty=U)
+    assert verdict.cause == "undetermined"
+    assert "which is not in the thread (gain " in verdict.sentence
+    assert verdict.advice[0].startswith("Check that the nominal pitches are of this thread")

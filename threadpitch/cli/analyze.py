@@ -50,6 +50,9 @@ def analyze(
     target: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Movement per revolution that was wanted.", show_default="of --thread")]
     = None,
+    lead_change: Annotated[float | None, typer.Option(
+        metavar="MM", parser=number, help="What the lead changes by in every turn, from --target at the first sample "
+                                          "on (the K or R of G34, with its sign); with --measured.")] = None,
     uncertainty: Annotated[float | None, typer.Option(
         metavar="UM", parser=number, help="Standard uncertainty of one measured pitch.")] = None,
     negligible: Annotated[float | None, typer.Option(
@@ -83,7 +86,8 @@ def analyze(
 ) -> None:
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
     screw = of_log.screw_lead if ball_screw is None else ball_screw
-    asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement, expected_lag, negligible)
+    asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement, expected_lag, negligible,
+                   lead_change)
     choice = of_log.choice()
     signals = of_log.signals(target, latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
     starts = radians(start_angle or [0.0])

@@ -27,6 +27,7 @@ from threadpitch.judgement import (
     control_parts_of,
     judge,
     verdict_document,
+    within_turn_line,
 )
 from threadpitch.judgement.control import FEWEST_TURNS
 from threadpitch.judgement.measured_file import read_measured
@@ -34,6 +35,7 @@ from threadpitch.pitch import GroupPitch, StreamedPitch
 from threadpitch.sparkline import verdict_line
 from threadpitch.tables import printable
 from threadpitch.tolerance import PitchConformity, Thread, parse_thread, pitch_conformity
+from threadpitch.trace import TURN, FloatArray
 from threadpitch.units import from_si, to_si
 
 
@@ -50,6 +52,7 @@ class Judged:
     engagement_mm: float | None = None
     expected_lag_ms: float | None = None
     negligible_um: float | None = None
+    lead_change_mm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -79,15 +82,31 @@ def find(groups: Sequence[GroupPitch | StreamedPitch], asked: Judged, recording:
         LatheError: an option is missing.
     """
     group = groups[-1]
+    _check(asked)
     thread = None if asked.thread is None else parse_thread(asked.thread)
     measured = [] if asked.measured is None else read_measured(asked.measured)
     verdict = _verdict(group, measured, thread, asked) if measured else None
     tolerances = tuple(_tolerances(group, measured, thread, asked)) if thread else ()
-    known = Findings(group.label, verdict, tolerances, tuple(measured), _target(thread, asked))
+    target = _target(thread, asked)
+    known = Findings(group.label, verdict, tolerances, tuple(measured), None if asked.lead_change_mm else target)
     if verdict is None:
         return known
-    control, why_not = _where_in_the_control(verdict, group, known.target or 0.0, asked, recording)
+    control, why_not = _where_in_the_control(verdict, group, _targets(group, target or 0.0, asked), asked, recording)
     return replace(known, control=control, why_not=why_not)
+
+
+def _check(asked: Judged) -> None:
+    """In the units of the command line, before anything is told in SI."""
+    for option, value, unit in (("--uncertainty", asked.uncertainty_um, "um"),
+                                ("--engagement", asked.engagement_mm, "mm"),
+                                ("--negligible", asked.negligible_um, "um"),
+                                ("--ball-screw", asked.screw_lead_mm, "mm")):
+        if value is not None and not value > 0.0:
+            fail(f"{option} is {value:g} {unit}; give a positive length")
+    if asked.lead_change_mm and asked.measured is None:
+        fail("--lead-change belongs to measured pitches; give them with --measured FILE")
+    if not 0.0 < asked.limit_percent <= 100.0:
+        fail(f"--limit is {asked.limit_percent:g} %; give a share of the tolerance above 0 and up to 100 %")
 
 
 def findings_document(found: Findings) -> dict[str, object]:
@@ -106,7 +125,7 @@ def show_findings(console: Console, found: Findings) -> None:
     if found.verdict is not None:
         console.print(Text(f"Verdict on the measured pitches, against group {printable(found.group)}", style="bold"))
         console.print(verdict_line(found.verdict.cause, printable(found.verdict.sentence)))
-        for line in _verdict_lines(found.verdict):
+        for line in _verdict_lines(found.verdict, found.measured):
             console.print(Text(printable(line)), soft_wrap=False)
         for line in _control_lines(found):
             console.print(Text(printable(line)))
@@ -121,8 +140,9 @@ def _verdict(group: GroupPitch | StreamedPitch, measured: list[MeasuredThread], 
     target = _target(thread, asked)
     if target is None:
         fail("the target of the pitch is not known; give --target in mm, or --thread like M20x1.5-6g")
-    return judge(group.table, measured, target=target, uncertainty=_si(asked.uncertainty_um, "um"),
-                 screw_lead=_si(asked.screw_lead_mm, "mm"), negligible=_si(asked.negligible_um, "um"))
+    return judge(group.table, measured, target=_targets(group, target, asked),
+                 uncertainty=_si(asked.uncertainty_um, "um"), screw_lead=_si(asked.screw_lead_mm, "mm"),
+                 negligible=_si(asked.negligible_um, "um"))
 
 
 def _target(thread: Thread | None, asked: Judged) -> float | None:
@@ -135,8 +155,25 @@ def _target(thread: Thread | None, asked: Judged) -> float | None:
     return None if thread is None else thread.lead
 
 
-def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, target: float, asked: Judged,
-                          recording: Recording) -> tuple[tuple[ControlParts, ...], str]:
+def _targets(group: GroupPitch | StreamedPitch, target: float, asked: Judged) -> float | FloatArray:
+    """m, or (start_angles, turns) m where the lead changes: lead + change (n - 1/2 + o), o the turns from the first
+    sample to the start angle, as after G34 with its F and K.
+    """
+    if not asked.lead_change_mm:
+        return target
+    if asked.thread is not None:
+        fail("a thread whose lead changes has no tolerance of ISO 965; leave --thread or --lead-change out")
+    table = group.table
+    middles = table.start_angles[:, np.newaxis] + TURN * (table.turns_before + np.arange(table.pitch.shape[1]) + 0.5)
+    leads = target + to_si(asked.lead_change_mm, "mm") * (middles - group.begins) / TURN
+    if not (leads > 0.0).all():
+        fail(f"with {asked.lead_change_mm:g} mm a turn the lead of {from_si(target, 'mm'):.6g} mm falls to nothing "
+             f"within {table.pitch.shape[1]} turns; give a smaller --lead-change")
+    return np.asarray(leads)
+
+
+def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, target: float | FloatArray,
+                          asked: Judged, recording: Recording) -> tuple[tuple[ControlParts, ...], str]:
     """(parts of the nominal pitches by start angle, "") over the turns that were measured, or ((), why not)."""
     lag = asked.expected_lag_ms
     if lag is not None and not 0.0 < lag < math.inf:
@@ -144,9 +181,11 @@ def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, t
     first = 1.0 if math.isnan(verdict.evidence.span[0]) else verdict.evidence.span[0]
     table = group.table
     enough = np.sum(np.isfinite(table.pitch[:, int(first) - 1:]), axis=1) >= FEWEST_TURNS
-    chosen = table.start_angles[enough] if enough.any() else table.start_angles[:1]
+    rows = np.flatnonzero(enough) if enough.any() else np.zeros(1, dtype=np.intp)
+    chosen = table.start_angles[rows]
+    wanted = target[rows] if isinstance(target, np.ndarray) else target
     try:
-        return control_parts_of(recording(), target, [Turns(float(one), int(first)) for one in chosen],
+        return control_parts_of(recording(), wanted, [Turns(float(one), int(first)) for one in chosen],
                                 None if lag is None else ExpectedLag(1e3 / lag)), ""
     except JudgementError as error:
         return (), str(error)
@@ -183,11 +222,13 @@ def _si(value: float | None, unit: str) -> float | None:
     return None if value is None else to_si(value, unit)
 
 
-def _verdict_lines(verdict: Verdict) -> list[str]:
+def _verdict_lines(verdict: Verdict, measured: Sequence[MeasuredThread]) -> list[str]:
     lines = [*(f"  - {line}" for line in verdict.advice), *_evidence_lines(verdict.evidence)]
     lines += [f"Note: {note}" for note in verdict.notes]
-    for number, row in enumerate(verdict.rows, start=1):
-        lines.append(f"Measured row {number}: {row.sentence}")
+    names = [" ".join(word for word in (one.flank, _angle(one)) if word) for one in measured]
+    for number, row in enumerate(verdict.rows):
+        name = names[number] if len(names) == len(verdict.rows) else ""
+        lines.append(f"Measured {name or f'row {number + 1}'}: {row.sentence}")
     return lines
 
 
@@ -203,11 +244,7 @@ def _evidence_lines(found: Evidence) -> list[str]:
         lines.append(f"Turns on the same side of the target: {100.0 * found.sign_agreement:.0f} %")
     lines.append(f"Share of the control: {100.0 * found.control_share:.0f} %, of the rest: "
                  f"{100.0 * found.rest_share:.0f} %")
-    told = [] if found.within_turn is None else [f"{from_si(found.within_turn, 'um'):.3g} um (nominal)"]
-    if found.measured_within_turn is not None:
-        size, uncertainty = (from_si(value, "um") for value in found.measured_within_turn)
-        told.append(f"{size:.3g} um (measured, +- {2.0 * uncertainty:.2g} um)")
-    return [*lines, f"Error within the turn that repeats: {', '.join(told) or 'not observable from P(n)'}"]
+    return [*lines, within_turn_line(found) or "Error within the turn that repeats: not observable from P(n)"]
 
 
 def _conformity_lines(found: PitchConformity) -> list[str]:

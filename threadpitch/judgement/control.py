@@ -1,10 +1,11 @@
 """Where in the control a fluctuation of the nominal pitches comes from: the recording split turn by turn.
 
     P(n) - F = -dE(n) + start(n) + saturation(n) + following(n) + other(n)
-    E' = F theta'/360 - E/lag                dE(n) = lag F dN(n)/60 where the speed changes slowly
+    E' = F theta'/360 - E/lag                dE(n) = lag (F dN(n) + N dF(n))/60 where speed and lead change slowly
 
 E is by how much a feed that follows with the time constant lag = (1 - feedforward)/Kv + Td runs behind the spindle,
-dN [rpm] the change of the speed in turn n. The lag is fitted, so that the formula is checked against the data.
+dN [rpm] the change of the speed in turn n, dF that of a variable lead. The lag is fitted, so that the formula is
+checked against the data; what it does at the mean speed is the lead's part, the rest the speed's.
 ``start`` is the transient after
 the feed begins, falling exponentially; ``saturation`` what remains in turns in which the drive was at its torque
 limit, and in the turn after; ``following`` what the following error's change -dE(n) has beyond these three; ``other``
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from threadpitch.compiled import compiled
-from threadpitch.judgement.control_found import FOLLOWING, OTHER, SATURATION, SPEED, START, ControlParts
+from threadpitch.judgement.control_found import FOLLOWING, LEAD, OTHER, SATURATION, SPEED, START, ControlParts
 from threadpitch.judgement.verdict import JudgementError
 from threadpitch.pitch import pitch_table
 from threadpitch.trace import TURN, FloatArray, Trace
@@ -32,6 +33,7 @@ LAGS = np.geomspace(0.5e-3, 0.5, 61)  # s, that are tried
 FEWEST_TURNS = 5
 _WIDTH = 1.96  # standard deviations of a 95 % interval
 _SCALES = (0.9, 1.1)  # of the part that a lag predicts
+_SEEN = 0.05  # part of a start's transient that the turns must still show which it is fitted to
 _WORTH = 9.0  # square over the variance that a part must explain before it is believed (three sigma)
 
 
@@ -97,14 +99,11 @@ def control_parts_of(recording: ControlTrace, target: ArrayLike, chosen: Sequenc
     rising = np.maximum.accumulate(recording.trace.angle)
     seen = [_seen(recording, rising, np.asarray(target, dtype=np.float64), (row, one))
             for row, one in enumerate(chosen)]
-    path = _path(seen[0], rising)
-    lagging: list[list[FloatArray]] = [[] for _ in seen]
-    for lag in LAGS.tolist():
-        behind = _lagging(path, time, lag)
-        for one, found in zip(seen, lagging, strict=True):
-            found.append(-np.diff(_at(one.levels, rising, behind)))
-    return tuple(_split(one, _columns(one, recording, rising, np.stack(behind)), expected)
-                 for one, behind in zip(seen, lagging, strict=True))
+    lead = _lead(seen[0], rising)
+    lagging = _lags(seen, rising, time, _path(lead, rising))
+    paced = _lags(seen, rising, time, _paced(lead, rising, time, seen[0])) if np.ptp(lead) > 0.0 else [None] * len(seen)
+    return tuple(_split(one, _columns(one, recording, rising, (behind, steady)), expected)
+                 for one, behind, steady in zip(seen, lagging, paced, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +112,8 @@ class _Seen:
 
     turns: FloatArray  # (turns,) number of each turn
     deviation: FloatArray  # (turns,) m
-    target: FloatArray  # (turns,) m
+    target: FloatArray  # (turns from the first known on,) m
+    middles: FloatArray  # (the same,) rad
     levels: FloatArray  # (turns + 1,) rad, where they begin and end
     course: FloatArray  # (crossings,) rad/s, the speed there, and before, from turn 1 on
     sense: float
@@ -129,9 +129,9 @@ def _seen(recording: ControlTrace, rising: FloatArray, target: FloatArray, chose
         of_row = np.atleast_2d(target)[min(row, np.atleast_2d(target).shape[0] - 1)]
         known = known[known < of_row.size]
         known = known[~np.isnan(of_row[known])]
-        wanted = of_row[known]
+        wanted = of_row
     else:
-        wanted = np.full(known.size, float(target))
+        wanted = np.full(whole[-1] + 1 if whole.size else 0, float(target))
     if known.size < FEWEST_TURNS or (np.diff(known) != 1).any():
         raise JudgementError(f"{recording.trace.whole()}: {known.size} whole turns; splitting the control needs "
                              f"{FEWEST_TURNS} in a row")
@@ -139,39 +139,65 @@ def _seen(recording: ControlTrace, rising: FloatArray, target: FloatArray, chose
     course = _at(bounds, rising, recording.speed) if recording.speed is not None \
         else _speed(bounds, rising, np.asarray(recording.trace.time))
     turns = np.asarray(known + 1.0, dtype=np.float64)
-    return _Seen(turns, np.asarray(table.pitch[0, known] - wanted), wanted, bounds[known[0]:], course,
-                 _sense(table.crossings[0]), asked.start_angle)
+    of_all = wanted[:known[-1] + 1]
+    told = np.isfinite(of_all)
+    return _Seen(turns, np.asarray(table.pitch[0, known] - wanted[known]), of_all[told],
+                 (0.5 * (bounds[1:] + bounds[:-1]))[told], bounds[known[0]:], course, _sense(table.crossings[0]),
+                 asked.start_angle)
 
 
-def _path(one: _Seen, rising: FloatArray) -> FloatArray:
-    """(samples,) m, where the feed should be: every turn its target, before and after them as the first and last."""
-    wanted = np.concatenate([[0.0], np.cumsum(one.target)])
-    inside = np.interp(rising, one.levels, wanted)
-    before = np.minimum(rising - one.levels[0], 0.0) * one.target[0]
-    after = np.maximum(rising - one.levels[-1], 0.0) * one.target[-1]
-    return np.asarray(inside + (before + after) / TURN)
+def _lead(one: _Seen, rising: FloatArray) -> FloatArray:
+    """(samples,) m, that should be cut there: every turn its target in its middle, before and after them the same."""
+    return np.interp(rising, one.middles, one.target)
+
+
+def _path(lead: FloatArray, rising: FloatArray) -> FloatArray:
+    """(samples,) m, where the feed should be."""
+    steps = 0.5 * (lead[1:] + lead[:-1]) * np.diff(rising) / TURN
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _paced(lead: FloatArray, rising: FloatArray, time: FloatArray, one: _Seen) -> FloatArray:
+    """(samples,) m, where the feed should be if the spindle turned evenly, with its mean speed, and the lead changed
+    when it did.
+    """
+    began, ended = (float(np.interp(level, rising, time)) for level in (one.levels[0], one.levels[-1]))
+    speed = (one.levels[-1] - one.levels[0]) / max(ended - began, 1e-12)  # rad/s
+    return _path(lead, speed * time)
+
+
+def _lags(seen: Sequence[_Seen], rising: FloatArray, time: FloatArray, path: FloatArray) -> list[FloatArray]:
+    """-dE(n) (lags, turns) m on this path, of every start angle."""
+    found: list[list[FloatArray]] = [[] for _ in seen]
+    for lag in LAGS.tolist():
+        behind = _lagging(path, time, lag)
+        for one, rows in zip(seen, found, strict=True):
+            rows.append(-np.diff(_at(one.levels, rising, behind)))
+    return [np.stack(rows) for rows in found]
 
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
     lagging: FloatArray  # (lags, turns) m, -dE(n) of the lags that are tried
+    paced: FloatArray | None  # (lags, turns) m, that of it which the lead alone makes; None where it does not change
     following: FloatArray | None  # (turns,) m
     saturated: NDArray[np.bool_]  # (turns,)
 
 
-def _columns(one: _Seen, recording: ControlTrace, rising: FloatArray, lagging: FloatArray) -> _Columns:
+def _columns(one: _Seen, recording: ControlTrace, rising: FloatArray,
+             lagging: tuple[FloatArray, FloatArray | None]) -> _Columns:
     following = None if recording.following_error is None \
         else -one.sense * np.diff(_at(one.levels, rising, recording.following_error))
     saturated = np.zeros(one.turns.size, dtype=np.bool_) if recording.saturated is None \
         else _touched(one.levels, rising, recording.saturated)
-    return _Columns(lagging, following, saturated)
+    return _Columns(*lagging, following, saturated)
 
 
 def _split(one: _Seen, columns: _Columns, expected: ExpectedLag | None) -> ControlParts:
     speed = one.course[-one.turns.size - 1:]
-    lag, interval, moved, start = _fit(one.turns, one.deviation, columns)
-    parts = {SPEED: moved, START: start}
-    rest = one.deviation - parts[SPEED] - parts[START]
+    lag, interval, moved, led, start = _fit(one.turns, one.deviation, columns)
+    parts = {SPEED: moved - led, LEAD: led, START: start}
+    rest = one.deviation - moved - start
     parts[SATURATION] = np.where(columns.saturated, rest, 0.0)
     rest = rest - parts[SATURATION]
     if columns.following is None:
@@ -196,13 +222,16 @@ def _beyond(columns: _Columns, moved: FloatArray, start: FloatArray) -> FloatArr
 
 
 def _fit(turns: FloatArray, deviation: FloatArray,
-         columns: _Columns) -> tuple[float | None, tuple[float, float] | None, FloatArray, FloatArray]:
-    """(lag, its interval, part of the speed, part of the start) by least squares over the turns not saturated."""
+         columns: _Columns) -> tuple[float | None, tuple[float, float] | None, FloatArray, FloatArray, FloatArray]:
+    """(lag, its interval, what it does, that of it by the lead's change, part of the start).
+
+    By least squares over the turns not saturated; a start's transient that is over before them is not told from them.
+    """
     free = ~columns.saturated
     none = np.zeros_like(deviation)
     if int(free.sum()) < FEWEST_TURNS:
-        return None, None, none, none
-    transients = [np.exp(-(turns - turns[0]) / decay) for decay in DECAYS]
+        return None, None, none, none, none
+    transients = [one for one in (np.exp(-(turns - turns[0]) / decay) for decay in DECAYS) if one[free].max() >= _SEEN]
     best = _Fit(float(deviation[free] @ deviation[free]), None, (), np.zeros(0))
     for transient in (None, *transients):
         for lag, moved in ((None, None), *zip(LAGS.tolist(), columns.lagging, strict=True)):
@@ -210,14 +239,15 @@ def _fit(turns: FloatArray, deviation: FloatArray,
             best = min(best, _fitted(deviation, free, lag, chosen), key=lambda one: one.cost) if chosen else best
     if best.lag is None:
         start = none if not best.columns else best.sizes[0] * best.columns[0]
-        return None, None, none, start
+        return None, None, none, none, start
     start = best.sizes[1] * best.columns[1] if len(best.columns) == 2 else none
     design = np.column_stack(best.columns)[free]
     left = deviation[free] - design @ best.sizes
     variance = float(left @ left) / max(left.size - best.sizes.size, 1)
     wide = _WIDTH * math.sqrt(variance * float(np.linalg.pinv(design.T @ design)[0, 0])) * best.lag
     lag = best.lag * float(best.sizes[0])
-    return lag, (lag - wide, lag + wide), best.sizes[0] * best.columns[0], start
+    led = none if columns.paced is None else best.sizes[0] * columns.paced[int(np.argmin(np.abs(LAGS - best.lag)))]
+    return lag, (lag - wide, lag + wide), best.sizes[0] * best.columns[0], led, start
 
 
 @dataclass(frozen=True, eq=False)

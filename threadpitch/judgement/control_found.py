@@ -10,8 +10,9 @@ import numpy as np
 from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
 
-SPEED, START, SATURATION, FOLLOWING, OTHER = "speed", "start", "saturation", "following", "other"
+SPEED, LEAD, START, SATURATION, FOLLOWING, OTHER = "speed", "lead", "start", "saturation", "following", "other"
 _NAMED = 0.1  # share from which a part is named
+_RIPPLE = 4  # swings from which the speed ripples: a drop and its recovery are two
 _LAG_AGREES = 0.15  # of the expected lag
 
 
@@ -81,16 +82,27 @@ def control_documents(found: Sequence[ControlParts]) -> dict[str, object]:
 
 
 def _of_speed(found: ControlParts) -> str:
-    told = (f"the spindle's speed changes: it {_largest_change(found)}, and the feed follows "
-            f"{1e3 * (found.lag or 0.0):.1f} ms late")
-    if found.expected_lag is not None:
-        word = "as expected" if found.lag_agrees else "not as expected"
-        told += f", {word} ({1e3 * found.expected_lag:.1f} ms)"
-    return f"{told}: raise Kv or the feedforward, or steady the spindle"
+    return (f"the spindle's speed changes: it {_largest_change(found)}, and {_late(found)}: raise Kv or the "
+            "feedforward, or steady the spindle")
+
+
+def _of_lead(found: ControlParts) -> str:
+    middle = from_si(float(np.median(found.parts[LEAD])), "um")
+    return (f"the lead changes, and with it the feed's velocity: {_late(found)}, which makes {middle:.3g} um in a turn "
+            "(change of lead x turns per second x lag): raise Kv or the feedforward")
+
+
+def _late(found: ControlParts) -> str:
+    told = f"the feed follows {1e3 * (found.lag or 0.0):.1f} ms late"
+    if found.expected_lag is None:
+        return told
+    return f"{told}, {'as' if found.lag_agrees else 'not as'} expected ({1e3 * found.expected_lag:.1f} ms)"
 
 
 def _largest_change(found: ControlParts) -> str:
-    """``drops by 30 rpm in turns 1 to 3, from 500 rpm``."""
+    """``drops by 30 rpm in turns 1 to 3, from 500 rpm``; a ripple ``goes up and down, by up to 10 rpm``."""
+    if _swings(found.course) >= _RIPPLE:
+        return f"goes up and down, by up to {from_si(float(np.ptp(found.course)), 'rpm'):.3g} rpm"
     speed, before = found.course, found.course.size - 1 - found.turns.size  # turns before those that were split
     fall = np.maximum.accumulate(speed) - speed
     rise = speed - np.minimum.accumulate(speed)
@@ -103,6 +115,14 @@ def _largest_change(found: ControlParts) -> str:
     entry = " at the entry" if first <= before <= last else ""
     return (f"{'drops' if drops else 'rises'} by {change:.3g} rpm{entry}, in {turns}, from "
             f"{from_si(float(speed[first]), 'rpm'):.4g} rpm")
+
+
+def _swings(speed: FloatArray) -> int:
+    """How often it goes from the upper quarter of its range to the lower one, or back."""
+    high, low = float(speed.max()), float(speed.min())
+    about = speed - 0.5 * (high + low)
+    sides = np.sign(about[np.abs(about) > 0.25 * (high - low)])
+    return int(np.count_nonzero(np.diff(sides)))
 
 
 def _of_start(found: ControlParts) -> str:
@@ -127,7 +147,8 @@ def _of_other(found: ControlParts) -> str:
     return "neither speed nor following error: look at the command, the detectors' counts and their jitter"
 
 
-_TEXTS = {SPEED: _of_speed, START: _of_start, SATURATION: _of_saturation, FOLLOWING: _of_following, OTHER: _of_other}
+_TEXTS = {SPEED: _of_speed, LEAD: _of_lead, START: _of_start, SATURATION: _of_saturation, FOLLOWING: _of_following,
+          OTHER: _of_other}
 
 
 def control_lines(found: Sequence[ControlParts]) -> list[str]:

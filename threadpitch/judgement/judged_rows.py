@@ -15,6 +15,7 @@ from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
 
 _ANOTHER_THREAD = 0.01  # of the target: so far off its middle no control is that cuts this thread
+_LINE = 3  # turns through which a straight line tells something
 _AGREE = 0.2  # of what they are off the target
 
 
@@ -43,14 +44,27 @@ class Row:
 
 
 def doubts(row: Row, lead: float) -> tuple[str, ...]:
-    """Pitches that agree with each other and not with the target: another thread was cut than the one it is of."""
+    """Pitches that agree with each other and not with the target: another thread was cut than the one it is of.
+
+    Those of another thread are all of one lead, or change evenly; a control that is off by so much is not so steady.
+    """
     middle = float(np.nanmedian(row.nominal.pitch))
     off = float(np.nanmedian(row.nominal.pitch - row.nominal.target))
     apart = abs(float(np.nanmedian(row.measured.pitch)) - middle)
-    if abs(off) < _ANOTHER_THREAD * lead or apart > _AGREE * abs(off):
+    if abs(off) < _ANOTHER_THREAD * lead or apart > _AGREE * abs(off) or _unsteady(row.nominal) > _AGREE * abs(off):
         return ()
     return (f"nominal and measured pitches agree on {from_si(middle, 'mm'):.5g} mm and the target is "
-            f"{from_si(middle - off, 'mm'):.5g} mm: is it that of this thread?",)
+            f"{from_si(middle - off, 'mm'):.5g} mm: is it that of this thread, and of every turn of it?",)
+
+
+def _unsteady(nominal: NominalThread) -> float:
+    """m, root mean square of the deviation from the target about a straight line over the turns."""
+    deviation = nominal.pitch - nominal.target
+    known = np.flatnonzero(np.isfinite(deviation))
+    if known.size < _LINE:
+        return 0.0
+    line = np.polynomial.Polynomial.fit(known, deviation[known], 1)
+    return float(np.sqrt(np.mean((deviation[known] - line(known)) ** 2)))
 
 
 def rows_of(nominal: ArrayLike | PitchTable, measured: ArrayLike | MeasuredThread | Sequence[MeasuredThread],

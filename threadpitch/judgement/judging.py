@@ -18,16 +18,19 @@ from threadpitch.judgement.within_turn import drunkenness, measured_drunkenness
 from threadpitch.judgement.wording import advice, sentence
 from threadpitch.pitch import PitchTable
 from threadpitch.trace import FloatArray
+from threadpitch.units import from_si
 
 FEWEST_TURNS = 6
 MOST_TURNS = 400  # of one stretch; the shapes of more are too many to try
 MOST_OFFSETS = 40  # ways to lay tables of different lengths over one another
 NEAR_OFFSETS = 8.0  # cost by which another place may fit worse and still be the right one
-SHIFTS = (-2, -1, 1, 2)  # turns by which tables of one length may be out of step
+SHIFTS = tuple(range(-12, 0)) + tuple(range(1, 13))  # turns by which tables may be out of step: an approach is as long
 _SHIFT_WORTH = 0.5  # part of the squares of measured less nominal pitch that a shift must leave at most to be tried
+_ALIKE = 1.3  # shares of the squares by which two shifts fit alike
+_SHIFT_KEEPS = 0.6  # part of the turns that both tables must still have then
 _NO_FLUCTUATION = 0.4  # of the target: the pitches' median is that far off where the unit or the thread is another
 _COARSEST = 0.1  # of the target: uncertainty above which no thread is judged
-OUT_OF_STEP = 20.0  # cost that a shift saves where the tables are numbered differently
+OUT_OF_STEP = 14.0  # cost that a shift saves where the tables are numbered differently
 
 
 @dataclass(frozen=True)
@@ -94,7 +97,7 @@ def _question(target: float, uncertainty: float | None, screw_lead: float | None
     for name, value in (("target", target), ("uncertainty", uncertainty), ("screw lead", screw_lead),
                         ("negligible deviation", negligible)):
         if value is not None and not 0.0 < value < 1.0:
-            raise JudgementError(f"{name} is {value:g} m; give a positive length in m")
+            raise JudgementError(f"{name} is {_mm(value)} mm; give a positive length below 1 m")
     return _Question(target, uncertainty, None if screw_lead is None else target / screw_lead, negligible)
 
 
@@ -111,14 +114,19 @@ def _plausible(row: Row, question: _Question) -> None:
             raise JudgementError(f"there are no {name} pitches but missing ones; give those of {FEWEST_TURNS} turns")
         middle = float(np.nanmedian(values))
         if abs(middle - question.target) > _NO_FLUCTUATION * question.target:
-            raise JudgementError(f"the {name} pitches are {middle:.4g} m in their middle and the target is "
-                                 f"{question.target:.4g} m; give both in m, positive in the direction of the cut, the "
-                                 "target as movement per revolution (the lead)")
+            raise JudgementError(f"the {name} pitches are {_mm(middle)} mm in their middle and the target is "
+                                 f"{_mm(question.target)} mm; look at the unit and the sign of both: pitches are "
+                                 "positive in the direction of the cut, and the target is the movement per revolution "
+                                 "(the lead)")
     uncertainty = question.uncertainty if row.measured.uncertainty is None else float(row.measured.uncertainty.max())
     if uncertainty is not None and uncertainty > _COARSEST * question.target:
-        raise JudgementError(f"the uncertainty of {uncertainty:.4g} m is more than a tenth of the target of "
-                             f"{question.target:.4g} m, which shows no fluctuation; give the standard uncertainty of "
-                             "one pitch in m")
+        raise JudgementError(f"the uncertainty of {_mm(uncertainty)} mm is more than a tenth of the target of "
+                             f"{_mm(question.target)} mm, which shows no fluctuation; give the standard uncertainty of "
+                             "one pitch, and look at its unit")
+
+
+def _mm(length: float) -> str:
+    return f"{from_si(length, 'mm'):.4g}"
 
 
 def _judge_row(row: Row, question: _Question) -> Verdict:
@@ -160,25 +168,44 @@ def _in_stretches(pair: Pair, question: _Question) -> Verdict:
 
 
 def _in_step(pair: Pair, row: Row, uncertainty: FloatArray, question: _Question) -> Verdict:
-    """Tables of one length without turn numbers may still be numbered differently."""
+    """Tables of one length, and turns that were counted from another groove, may be numbered differently."""
     found = assess(pair, question.screw_turns, question.parts)
     cause = found.cause(question.negligible)
-    if row.measured.turn is None and row.measured.position is None and cause != NONE:
-        for shift in SHIFTS:
-            turns = np.arange(1.0, row.measured.pitch.size + 1.0) + shift
-            (other,) = pairs(row.nominal, replace(row.measured, turn=turns), uncertainty)
-            if other.turns.size < max(FEWEST_TURNS, pair.turns.size - abs(shift)):
-                continue
-            same = pair.only(np.isin(pair.turns + shift, other.turns))
-            if _misfit(other) > _SHIFT_WORTH * _misfit(same):
-                continue
-            here = assess(same, question.screw_turns, question.parts)
-            there = assess(other, question.screw_turns, question.parts)
-            if min(there.costs.values()) < min(here.costs.values()) - OUT_OF_STEP:
-                note = (f"shifted by {shift} turns the tables agree far better; number the turns of both, as the "
-                        "nominal table does")
-                return _worded(UNDETERMINED, found, (note,))
+    if row.measured.position is None and cause != NONE:
+        shift = _better_shift(pair, row, uncertainty, question)
+        if shift:
+            note = (f"shifted by {shift} turns the tables agree far better; number the measured turns as the nominal "
+                    "table does, or give positions")
+            text = (f"Undetermined: the measured turns seem to be numbered otherwise than the nominal ones, by {shift} "
+                    "turns.")
+            return replace(_worded(UNDETERMINED, found, (note,)), sentence=text,
+                           advice=("Number the measured turns as the nominal table does, or give their positions.",))
     return _worded(cause, found, ())
+
+
+def _better_shift(pair: Pair, row: Row, uncertainty: FloatArray, question: _Question) -> int:
+    """By how many turns the measured ones fit far better, so that no chance explains it; 0 = by none."""
+    counted = np.arange(1.0, row.measured.pitch.size + 1.0) if row.measured.turn is None else row.measured.turn
+    fits: list[tuple[float, int, Pair, Pair]] = []
+    for shift in SHIFTS:
+        (other,) = pairs(row.nominal, replace(row.measured, turn=counted + shift), uncertainty)
+        if other.turns.size < max(FEWEST_TURNS, _SHIFT_KEEPS * pair.turns.size):
+            continue
+        other = other.only(np.isin(other.turns - shift, pair.turns))
+        same = pair.only(np.isin(pair.turns + shift, other.turns))
+        share = _misfit(other) / max(_misfit(same), 1e-30)
+        if same.turns.size >= FEWEST_TURNS and share <= _SHIFT_WORTH:
+            fits.append((share, shift, same, other))
+    if not fits:
+        return 0
+    least = min(share for share, *_ in fits)  # a ripple fits again a period further: the smallest shift of those alike
+    _, shift, same, other = min((one for one in fits if one[0] <= _ALIKE * least), key=lambda one: abs(one[1]))
+    here = assess(same, question.screw_turns, question.parts)
+    there = assess(other, question.screw_turns, question.parts)
+    likeliest = min(there.costs, key=lambda cause: there.costs[cause])
+    if likeliest not in (CONTROL, BOTH):  # it only shifts what the thread does not have out of sight
+        return 0
+    return shift if there.costs[likeliest] < min(here.costs.values()) - OUT_OF_STEP else 0
 
 
 def _misfit(pair: Pair) -> float:
@@ -214,7 +241,8 @@ def _too_few(pair: Pair, question: _Question) -> Verdict:
     if pair.turns.size == 0:
         raise JudgementError("no turn is in both tables; number the measured turns as the nominal table does")
     found = evidence(assess(pair, question.screw_turns, question.parts), UNDETERMINED)
-    text = f"Undetermined: {pair.turns.size} turns are in both tables, and fewer than {FEWEST_TURNS} tell nothing."
+    known = "1 turn is" if pair.turns.size == 1 else f"{pair.turns.size} turns are"
+    text = f"Undetermined: {known} in both tables, and fewer than {FEWEST_TURNS} tell nothing."
     return Verdict(UNDETERMINED, text, ("Measure more turns.",), found)
 
 

@@ -7,6 +7,7 @@ from threadpitch.judgement.hypotheses import BOTH, CONTROL, MECHANICAL, NONE
 from threadpitch.judgement.verdict import Evidence
 from threadpitch.units import from_si
 
+_HALF = 0.5  # of what the detectors saw
 _SHOWN = 3  # parts of the rest that the sentence names
 _CONTROL_ADVICE = ("Adjust the control: look where the nominal pitches deviate (spindle speed, following error, "
                    "torque limit, start) and raise the position gain or the feedforward, steady the spindle's speed or "
@@ -48,10 +49,20 @@ def sentence(cause: str, found: Evidence) -> str:
     return f"Undetermined: {_open(size, found)}"
 
 
+def not_in_the_thread(found: Evidence) -> bool:
+    """Whether the detectors surely saw a movement, and the thread surely has not even half of it."""
+    likeliest = min(found.costs, key=lambda one: found.costs[one], default="")
+    return likeliest == NONE and found.movement > 0.0 and found.gain_interval is not None \
+        and found.gain_interval[1] < _HALF
+
+
 def _open(size: str, found: Evidence) -> str:
     """What is known where no cause can be named."""
     likeliest = min(found.costs, key=lambda one: found.costs[one])
     known = f"a fluctuation of {size} at a measuring uncertainty of {_um(found.uncertainty)} um"
+    if not_in_the_thread(found):
+        return (f"the detectors saw the feed move by {_um(found.movement)} um rms, which is not in the thread"
+                f"{_gain(found)}, {known}; no pitch is off by more than {_um(found.bound)} um (95 %).")
     if found.movement > 0.0 and likeliest == NONE:
         return (f"the control moves the feed by {_um(found.movement)} um rms, which {known} neither shows nor "
                 f"excludes; no pitch is off by more than {_um(found.bound)} um (95 %).")
@@ -77,9 +88,21 @@ def advice(cause: str, found: Evidence) -> tuple[str, ...]:
             lines.append(_IRREGULAR_ADVICE)
     if cause == NONE and found.nominal_jitter > 2.0 * found.uncertainty:
         lines.append("Check the encoders and their cables: the nominal pitches jitter, the thread does not.")
-    if cause not in (CONTROL, MECHANICAL, BOTH, NONE):
+    if cause not in (CONTROL, MECHANICAL, BOTH, NONE) and not_in_the_thread(found):
+        lines.append("Check that the nominal pitches are of this thread, and of the pass that left it; if they are, "
+                     "check the detectors: the tool did not do what they saw.")
+    elif cause not in (CONTROL, MECHANICAL, BOTH, NONE):
         lines.append("Measure more turns, or with a smaller uncertainty.")
     return tuple(lines)
+
+def within_turn_line(found: Evidence) -> str:
+    """What repeats with every turn and is not in P(n); empty where it cannot be told."""
+    told = [] if found.within_turn is None else [f"{_um(found.within_turn)} um (nominal)"]
+    if found.measured_within_turn is not None:
+        size, uncertainty = found.measured_within_turn
+        told.append(f"{_um(size)} um (measured, +- {from_si(2.0 * uncertainty, 'um'):.2g} um)")
+    return f"Error within the turn that repeats: {', '.join(told)}" if told else ""
+
 
 def _gain(found: Evidence) -> str:
     if found.gain is None or found.gain_interval is None:

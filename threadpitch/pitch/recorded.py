@@ -21,6 +21,11 @@ class GroupPitch:
     trace: Trace
     table: PitchTable
 
+    @property
+    def begins(self) -> float:
+        """The first angle, rad."""
+        return float(self.trace.angle[0])
+
 
 def thread_pitch(angle: ArrayLike, position: ArrayLike, start_angles: ArrayLike | None = (0.0,)) -> PitchTable:
     """P(n) = xi(theta_S + 360 n) - xi(theta_S + 360 (n - 1)), signed by the direction of the cut.

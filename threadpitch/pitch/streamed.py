@@ -36,6 +36,7 @@ class StreamedPitch:
     label: str
     table: PitchTable
     stored: Stored | None = None
+    begins: float = 0.0  # rad, the first angle
 
 
 class GroupStream:
@@ -96,7 +97,7 @@ class GroupStream:
             table = points.pitch_table((0.0,) if self._asked is None else self._asked)
             table = replace(table, notes=(*table.notes, *beginning))
         notes = tuple(note for note in (*self.group.all_notes(), *table.notes, table.standstill()) if note)
-        return StreamedPitch(self.group.label, replace(table, notes=notes), points)
+        return StreamedPitch(self.group.label, replace(table, notes=notes), points, self._ends[0])
 
 
 def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
