@@ -107,3 +107,4 @@ def test_an_alarm_crosses_processes_whole() -> None:
     copied = pickle.loads(pickle.dumps(caught.value))
     assert (str(copied), copied.place, copied.alarm) == (str(caught.value), caught.value.place, caught.value.alarm)
     assert isinstance(copied, CycleError)
+    assert caught.value.__context__ is None  # Lark's error would come along where tracebacks are pickled too

@@ -70,10 +70,9 @@ def read_program(text: str, name: str = "") -> Program:
         ProgramError: what is no word, with line, column and alarm.
     """
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
-    try:
-        tree = _parser().parse(text)
-    except UnexpectedInput as error:
-        raise _refusal(error, text, name) from None
+    tree = _tree(text)
+    if isinstance(tree, UnexpectedInput):  # raised here, without it as context: Lark's errors cannot cross processes
+        raise _refusal(tree, text, name)
     blocks = (_block(child, name) for child in tree.children if isinstance(child, Tree) and child.children)
     return Program(tuple(block for block in blocks if block.words or block.ends_tape), name)
 
@@ -137,6 +136,14 @@ def _word(tree: Tree[Token], name: str) -> Word:
 
 def _place(token: Token, name: str) -> Place:
     return Place(token.line or 1, token.column or 1, name)
+
+
+def _tree(text: str) -> Tree[Token] | UnexpectedInput:
+    """What the grammar makes of a text, or where it does not fit."""
+    try:
+        return _parser().parse(text)
+    except UnexpectedInput as error:
+        return error
 
 
 def _refusal(error: UnexpectedInput, text: str, name: str) -> ProgramError:

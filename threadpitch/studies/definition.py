@@ -87,8 +87,13 @@ class Study:
 
     @functools.cached_property
     def digest(self) -> str:
-        """What the rows depend on: all but limits and cluster, and the values that were drawn."""
+        """What the rows depend on: all but limits and cluster, and the values that were drawn.
+
+        Of the system its name: on another machine it lies elsewhere, and its FMUs are told by their hashes.
+        """
         written = {key: value for key, value in self.document.items() if key not in ("limits", "cluster", "tune")}
+        if self.run.system is not None:
+            written["study"] = {**written["study"], "system": Path(self.run.system).name}
         text = json.dumps([written, [list(row.values()) for row in self.rows]], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
