@@ -26,37 +26,45 @@ def record(tables: Tables, step: int, span: Span) -> None:
     empty = tables.latest[0] == NOWHERE
     for s in range(tables.stretches.size):
         stretch = tables.stretches[s]
-        if not empty and not changed(tables, stretch.first_run, stretch.last_run):
-            continue
-        whole = empty or stretch.last_piece - stretch.first_piece == 1
-        for p in range(stretch.first_piece, stretch.last_piece):
-            piece = tables.pieces[p]
-            if whole or changed(tables, piece.first_run, piece.last_run):
-                take(tables, p, span)
+        first, last = stretch.first_piece, stretch.last_piece
+        if last - first == 1:  # changes often: its latest words serve, and need not be kept in the newest row as well
+            if empty or changed(tables, stretch.first_run, stretch.last_run, shift(tables, span, first)):
+                take(tables, first, span)
+        elif empty or changed(tables, stretch.first_run, stretch.last_run, np.uint64(0)):
+            for p in range(first, last):
+                piece = tables.pieces[p]
+                if empty or changed(tables, piece.first_run, piece.last_run, np.uint64(0)):
+                    take(tables, p, span)
+                    newest = np.uint64(tables.newest.ctypes.data) + WORD * piece.word
+                    copy_bytes(newest, newest + shift(tables, span, p), WORD * piece.words)
     places = carray(pointer(span.places + np.uint64(4 * row * count)), (count,), np.uint32)
     for p in range(count):
         places[p] = tables.latest[p]
 
 
 @inlined
-def changed(tables: Tables, first: int, last: int) -> Any:
-    """Whether a value of these runs is another one, bit by bit, than in the newest row."""
+def changed(tables: Tables, first: int, last: int, behind: Any) -> Any:
+    """Whether a value of these runs is another one, bit by bit, than in the row that lies so far behind the newest."""
     for r in range(first, last):
         run = tables.runs[r]
-        if compare_bytes(run.source, run.newest, run.count) != 0:
+        if compare_bytes(run.source, run.newest + behind, run.count) != 0:
             return True
     return False
 
 
 @inlined
+def shift(tables: Tables, span: Span, p: int) -> Any:
+    """How far behind its place in the newest row a piece lies among the words; modulo 2^64."""
+    return span.words + WORD * (tables.latest[p] - tables.pieces[p].word) - np.uint64(tables.newest.ctypes.data)
+
+
+@inlined
 def take(tables: Tables, p: int, span: Span) -> None:
-    """Copy a piece into the newest row, and from there behind the words that are used."""
+    """Copy a piece behind the words that are used."""
     piece, count = tables.pieces[p], tables.pieces.size
+    tables.latest[p] = tables.latest[count]
+    tables.latest[count] += piece.words
+    behind = shift(tables, span, p)
     for r in range(piece.first_run, piece.last_run):
         run = tables.runs[r]
-        copy_bytes(run.newest, run.source, run.count)
-    used = tables.latest[count]
-    newest = np.uint64(tables.newest.ctypes.data) + WORD * piece.word
-    copy_bytes(span.words + WORD * used, newest, WORD * piece.words)
-    tables.latest[p] = used
-    tables.latest[count] = used + piece.words
+        copy_bytes(run.newest + behind, run.source, run.count)

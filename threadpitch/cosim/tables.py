@@ -77,7 +77,7 @@ class Tables(NamedTuple):
     stretches: Records
     pieces: Records
     runs: Records
-    newest: NDArray[np.int64]  # (row words,) the row that was recorded last, stored whole
+    newest: NDArray[np.int64]  # (row words,) the row that was recorded last, where stretches are compared
     latest: NDArray[np.uint64]  # (pieces + 1,) the place of every piece in that row; then the words that are used
     loops: Records
     iterates: Iterates
