@@ -75,8 +75,12 @@ class OnDask:
         done = as_completed([], loop=self.client.loop)
         try:
             while rest or waiting or under_way:
-                while (rest or waiting) and len(under_way) < _AHEAD * self._threads():
-                    task = waiting.popleft() if waiting else [rest.popleft() for _ in range(min(size, len(rest)))]
+                places = _AHEAD * self._threads()
+                while (rest or waiting) and len(under_way) < places:
+                    # No more than an equal share of what is left, so that all workers end together: guided
+                    # self-scheduling (Polychronopoulos and Kuck 1987).
+                    share = -(-len(rest) // places)
+                    task = waiting.popleft() if waiting else [rest.popleft() for _ in range(min(size, share))]
                     future = self._submit(task)
                     under_way[future] = task, clock.monotonic()
                     done.add(future)
