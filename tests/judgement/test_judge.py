@@ -231,56 +231,6 @@ def test_a_control_that_moves_less_than_shows_is_left_open() -> None:
     assert any("the control moves the feed by 0.316 um rms" in one.sentence for one in verdicts)
 
 
-def test_none_tells_what_need_not_show() -> None:
-    limit = judged(QUIET, TARGET + noise(1)).evidence.detectable
-    seen = [judged(QUIET, TARGET + np.where(TURNS == 20.0, limit, 0.0) + noise(seed)).cause for seed in range(40)]
-    assert seen.count("none") <= 4  # 2 are expected
-
-
-def test_no_deviation_is_larger_than_the_bound_told() -> None:
-    """Whatever its shape, in 95 of 100 threads: faint causes of the benchmark, and what is told to be at most there."""
-    held = []
-    for seed in range(30):
-        thread = drawn(seed + 5000, 1.0, 5.0)
-        verdict = tp.judge(thread.nominal, thread.measured, target=thread.machine.lead, uncertainty=thread.uncertainty)
-        absent = {"none": ("control", "mechanical"), "control": ("mechanical",)}.get(verdict.cause, ())
-        held += [thread.sizes.get(cause, 0.0) <= verdict.evidence.bound for cause in absent if cause in thread.sizes]
-    assert len(held) >= 5
-    assert sum(held) >= 0.85 * len(held)
-
-
-def test_none_is_an_equivalence_with_what_is_negligible() -> None:
-    """The bound that the sentence tells is below it, else the verdict is undetermined and says what there may be."""
-    noisy = TARGET + noise(1)
-    verdict = judged(QUIET, noisy)
-    told = verdict.evidence.bound
-    assert told == pytest.approx(np.abs(noisy - TARGET).max() + 1.645 * U)
-    assert verdict.cause == "none"
-    assert f"no pitch is off by more than {1e6 * told:.3g} um (95 %)" in verdict.sentence
-    for share, cause in ((1.01, "none"), (0.99, "undetermined")):
-        again = tp.judge(QUIET, noisy, target=TARGET, uncertainty=U, negligible=share * told)
-        assert again.cause == cause
-    assert f"a pitch may be off by {1e6 * told:.3g} um" in again.sentence
-    with pytest.raises(JudgementError, match=r"negligible deviation is -0\.001 mm"):
-        tp.judge(QUIET, noisy, target=TARGET, uncertainty=U, negligible=-U)
-
-
-def test_a_single_cause_is_named_where_the_other_is_surely_negligible() -> None:
-    shown = TARGET + DIP + noise(2)
-    verdict = judged(TARGET + DIP, shown)
-    bound = verdict.evidence.bound
-    assert verdict.cause == "control"
-    assert f"at most {1e6 * bound:.3g} um in any turn" in verdict.sentence
-    strict = tp.judge(TARGET + DIP, shown, target=TARGET, uncertainty=U, negligible=0.9 * bound)
-    assert strict.cause == "undetermined"
-    assert strict.evidence.sure == "control"
-    assert strict.sentence.startswith("Undetermined: at least control: a fluctuation of ")
-    assert f"a mechanical part, of up to {1e6 * bound:.3g} um in a turn" in strict.sentence
-    kept = read_verdict(json.loads(json.dumps(verdict_document(strict))))
-    assert kept.evidence.sure == "control"
-    assert kept.evidence.bound == pytest.approx(bound)
-
-
 def test_what_the_detectors_saw_counts_beside_mechanics() -> None:
     """A movement of 2.5 U in one turn can hardly be told in the thread, but the detectors saw it: it is both."""
     seen = np.where(TURNS == 12.0, 2.5 * U, 0.0)
