@@ -101,9 +101,10 @@ def read_fit(path: str | Path, columns: Mapping[str, str | None], *, unit: str |
         # Time stands for the angle too: it runs forward, and is not looked at any further.
         choice = ColumnChoice(angle=columns["time"], angle_unit="rad", position=columns[name], position_unit=unit,
                               time=columns["time"])
-        pieces = [piece for _, piece in read_pieces(path, choice)]
-        read[name] = np.concatenate([piece.position for piece in pieces])
-        read["time"] = np.concatenate([piece.angle if piece.time is None else piece.time for piece in pieces])
+        with read_pieces(path, choice) as pieces:
+            parts = [samples for _, samples in pieces]
+        read[name] = np.concatenate([one.position for one in parts])
+        read["time"] = np.concatenate([one.angle if one.time is None else one.time for one in parts])
     return fit(read["time"], read["command"], read["position"], free=free, known=known)
 
 

@@ -19,7 +19,7 @@ from threadpitch.publish import Outlet, outlets, wait_until_taken
 from threadpitch.runs import Labels, LogTrace, RunEvents, log_run, simulation_run, simulation_trace
 from threadpitch.runs.events import Turn
 from threadpitch.store import NewEvent, NewRun, open_store
-from threadpitch.trace import Piece, Trace
+from threadpitch.trace import Samples, Trace
 
 if TYPE_CHECKING:
     from threadpitch.store import Store
@@ -65,11 +65,11 @@ class Keeper:
         self.turns([Turn(one.calculator, str(one.number_of_pass), one.turn, one.start_angle, one.pitch, one.target)
                     for one in turns])
 
-    def sample(self, group: str, piece: Piece | Trace) -> None:
+    def sample(self, group: str, samples: Samples | Trace) -> None:
         """The next samples of a log."""
         if self._trace is None:
             self._trace = LogTrace(self.trace)
-        self._trace.add(group, piece.angle, piece.position, piece.time)
+        self._trace.add(group, samples.angle, samples.position, samples.time)
 
     def finish_log(self, groups: Sequence[GroupPitch | StreamedPitch], found: Findings,
                    options: Mapping[str, object]) -> dict[str, object]:

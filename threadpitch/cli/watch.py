@@ -22,7 +22,7 @@ from threadpitch.runs import Labels
 from threadpitch.runs.events import Running, Turn
 from threadpitch.store.records import LOG
 from threadpitch.tables import printable
-from threadpitch.trace import TURN, Group, Piece, TraceError, watch_pieces
+from threadpitch.trace import TURN, Group, Samples, TraceError, watch_pieces
 from threadpitch.units import from_si
 
 
@@ -57,8 +57,8 @@ def watch(
         with contextlib.suppress(KeyboardInterrupt), printing():  # that is how one stops watching
             if not as_json:
                 print(_HEADING, flush=True)
-            for owner, piece in watch_pieces(log, choice, signals, idle=math.inf if idle is None else idle):
-                for turn in watched.add(owner, piece):
+            for owner, samples in watch_pieces(log, choice, signals, idle=math.inf if idle is None else idle):
+                for turn in watched.add(owner, samples):
                     print(turn.as_json() if as_json else turn.as_text(), flush=True)
         if keeper is not None:
             stored = keeper.finish_log(watched.results(), Findings(), {"choice": asdict(choice),
@@ -98,7 +98,7 @@ class _Watched:
         self._running: list[Running] = []
         self._told: list[int] = []  # turns of each start angle of the last group
 
-    def add(self, group: Group, piece: Piece) -> list[_Turn]:
+    def add(self, group: Group, samples: Samples) -> list[_Turn]:
         """The revolutions that are complete with the next samples; they are kept before they are told."""
         if not self._groups or self._groups[-1].group is not group:
             if self._keeper is None:
@@ -106,14 +106,14 @@ class _Watched:
             self._groups.append(GroupStream(group, self._starts))
             self._running, self._told = [Running() for _ in self._starts], [0 for _ in self._starts]
         now = self._groups[-1]
-        now.add(piece)
+        now.add(samples)
         turns = [Turn(LOG, group.label, turn, self._starts[k], pitch)
                  for k, completed in enumerate(now.pitches.completed.tolist())
                  for turn in range(self._told[k] + 1, completed + 1)
                  if not math.isnan(pitch := now.pitches.pitch_of(k, turn))]
         self._told = now.pitches.completed.tolist()
         if self._keeper is not None:
-            self._keeper.sample(group.label, piece)
+            self._keeper.sample(group.label, samples)
             self._keeper.turns(turns)
         return [self._line(turn) for turn in turns]
 

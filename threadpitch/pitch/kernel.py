@@ -24,17 +24,19 @@ ANGLE, POSITION, PEAK = 0, 1, 2  # of the sample before the piece
 
 
 @compiled(nogil=True)
-def advance(angle: FloatArray, position: FloatArray, last: FloatArray, limit: float, starts: FloatArray, before: int,
-            reached: IntArray, crossings: FloatArray) -> int:
+def advance(angle: FloatArray, position: FloatArray, factors: tuple[float, float], last: FloatArray, limit: float,
+            starts: FloatArray, before: int, reached: IntArray, crossings: FloatArray) -> int:
     """Adds a piece of a recording to ``crossings`` (start_angles, columns) m; the sample that is refused, or -1.
 
-    ``last`` (angle, position, peak) is the state of the sample before the piece, ``reached`` (start_angles,) the next
-    column of each start angle; both move on. ``limit``: how far the angle may go back from its peak, rad.
+    ``factors``: rad per unit of the angle, m per unit of the position. ``last`` (angle, position, peak) is the state of
+    the sample before the piece, ``reached`` (start_angles,) the next column of each start angle; both move on.
+    ``limit``: how far the angle may go back from its peak, rad.
     """
-    scratch = np.empty(BLOCK)
+    scratch, angles, positions = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
     for first in range(0, angle.size, BLOCK):
         end = min(first + BLOCK, angle.size)
-        theta, xi = angle[first:end], position[first:end]
+        theta = _scaled(angle[first:end], factors[0], angles)
+        xi = _scaled(position[first:end], factors[1], positions)
         if last[PEAK] == last[ANGLE] and theta[0] >= last[ANGLE] and rising(theta, xi):
             _cross(theta, theta, xi, last, starts, before, reached, crossings)
             last[PEAK] = theta[-1]
@@ -47,6 +49,15 @@ def advance(angle: FloatArray, position: FloatArray, last: FloatArray, limit: fl
             last[PEAK] = peak[-1]
         last[ANGLE], last[POSITION] = theta[-1], xi[-1]
     return -1
+
+
+@compiled(nogil=True, inline="never")
+def _scaled(values: FloatArray, factor: float, scratch: FloatArray) -> FloatArray:
+    if factor == 1.0:
+        return values
+    for i in range(values.size):
+        scratch[i] = values[i] * factor
+    return scratch[: values.size]
 
 
 @compiled(nogil=True)

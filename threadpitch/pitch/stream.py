@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 
 from threadpitch.pitch.kernel import PEAK, POSITION, ROUNDING, advance, columns_reached, first_above, movements
 from threadpitch.pitch.table import BoolArray, PitchError, PitchTable
-from threadpitch.trace import LARGEST, REVERSAL_LIMIT, TURN, FloatArray, IntArray, TraceError, samples
+from threadpitch.trace import LARGEST, REVERSAL_LIMIT, TURN, FloatArray, IntArray, TraceError, samples, scaled
 from threadpitch.trace.soundness import fault_text
 
 FARTHEST_ZERO = 100  # turns; an angle zero farther away is that of a counter, no longer that of this thread
 MOST_TURNS_PER_SAMPLE = 1000.0
 UNNAMED = "trace"  # what a recording without a name is called
+_BEGINNING = 1 << 12  # samples
 TWO_THREADS_FROM = 1 << 20  # samples; below that a second thread costs more than it gives
 
 
@@ -88,8 +89,11 @@ class PitchStream:
             raise IndexError(f"turn {turn} of start angle {start} is not complete")
         return float(self._direction() * (self._crossings[start, turn] - self._crossings[start, turn - 1]) + 0.0)
 
-    def add(self, angle: ArrayLike, position: ArrayLike, lines: IntArray | None = None) -> None:
+    def add(self, angle: ArrayLike, position: ArrayLike, lines: IntArray | None = None, *,
+            factors: tuple[float, float] = (1.0, 1.0)) -> None:
         """The next samples: angle (samples,) rad, position (samples,) m, ``lines`` (samples,) of the file.
+
+        With ``factors`` the angle is in units of so many rad, the position in units of so many m.
 
         Raises:
             TraceError: unequal shapes, NaN or infinite values, a reversal of the spindle; with the sample's number.
@@ -99,16 +103,25 @@ class PitchStream:
         if theta.size != xi.size:
             raise TraceError(f"{self._label}: position has {xi.size} samples and angle {theta.size}; give equal "
                              "lengths")
-        if theta.size == 0:
-            return
+        done = 0
+        while done < theta.size and not self._risen and factors != (1.0, 1.0):  # looked at more closely, in rad and m
+            part = slice(done, done + _BEGINNING)
+            self._take(scaled(theta[part], factors[0]), scaled(xi[part], factors[1]), None if lines is None
+                       else lines[part], (1.0, 1.0))
+            done += _BEGINNING
+        if done < theta.size:
+            self._take(theta[done:], xi[done:], None if lines is None else lines[done:], factors)
+
+    def _take(self, theta: FloatArray, xi: FloatArray, lines: IntArray | None, factors: tuple[float, float]) -> None:
         if self._size == 0:
             self._begin(theta, xi, lines)
-        room = self._reserve(theta)
-        refused = self._advance(theta, xi)
+        end = float(theta[-1]) * factors[0]
+        room = self._reserve(end, theta.size)
+        refused = self._advance(theta, xi, factors)
         if refused >= 0:
-            self._refuse(theta, xi, refused, lines)
+            self._refuse(scaled(theta, factors[0]), scaled(xi, factors[1]), refused, lines)
         if not room:
-            turned = (theta[-1] - self._first[0]) / TURN
+            turned = (end - self._first[0]) / TURN
             raise PitchError(f"{self._label}: {turned:.3g} turns in {self._size + theta.size} samples; "
                              "is the unit of the angle right?")
         if not self._risen:
@@ -186,10 +199,10 @@ class PitchStream:
         self._known -= np.count_nonzero(there & ~np.isnan(early), axis=1)
         self._extrapolated = np.any(just_passed & there, axis=1)
 
-    def _reserve(self, theta: FloatArray) -> bool:
+    def _reserve(self, end: float, size: int) -> bool:
         """Room for all crossings of the piece; false when it has more turns than its samples can hold."""
-        turned = (float(theta[-1]) + self._limit - self._last[PEAK]) / TURN
-        if not turned <= MOST_TURNS_PER_SAMPLE * (self._size + theta.size) + FARTHEST_ZERO:
+        turned = (end + self._limit - self._last[PEAK]) / TURN
+        if not turned <= MOST_TURNS_PER_SAMPLE * (self._size + size) + FARTHEST_ZERO:
             return False
         columns = int(self._reached.max()) + math.floor(max(turned, 0.0)) + 3
         if columns > self._crossings.shape[1]:
@@ -198,29 +211,31 @@ class PitchStream:
             self._crossings = crossings
         return True
 
-    def _advance(self, theta: FloatArray, xi: FloatArray) -> int:
+    def _advance(self, theta: FloatArray, xi: FloatArray, factors: tuple[float, float]) -> int:
         """The sample that is refused, or -1; the second half of a large piece has a thread of its own."""
         middle = theta.size // 2
-        peak = float(theta[middle - 1])  # supposed: it is when the angle does not go back just between the halves
-        usual = self._last[PEAK] <= peak + self._limit and peak <= theta[-1] + self._limit
+        peak = float(theta[middle - 1]) * factors[0]  # supposed: it is when the angle does not go back just there
+        usual = self._last[PEAK] <= peak + self._limit and peak <= theta[-1] * factors[0] + self._limit
         if theta.size < TWO_THREADS_FROM or not usual:
-            return self._walk(theta, xi, self._last, self._reached)
-        last = np.array([peak, xi[middle - 1], peak])
+            return self._walk(theta, xi, factors, self._last, self._reached)
+        last = np.array([peak, xi[middle - 1] * factors[1], peak])
         reached = np.maximum(columns_reached(peak, self._starts, self._before), self._known)
         with ThreadPoolExecutor(max_workers=1) as second:
-            rest = second.submit(self._walk, theta[middle:], xi[middle:], last, reached)
-            refused = self._walk(theta[:middle], xi[:middle], self._last, self._reached)
+            rest = second.submit(self._walk, theta[middle:], xi[middle:], factors, last, reached)
+            refused = self._walk(theta[:middle], xi[:middle], factors, self._last, self._reached)
             behind = rest.result()
         if refused >= 0:
             return refused
         if self._last[PEAK] != peak:  # once more, from where the first half really ends
             last, reached = self._last, self._reached
-            behind = self._walk(theta[middle:], xi[middle:], last, reached)
+            behind = self._walk(theta[middle:], xi[middle:], factors, last, reached)
         self._last, self._reached = last, reached
         return middle + behind if behind >= 0 else -1
 
-    def _walk(self, theta: FloatArray, xi: FloatArray, last: FloatArray, reached: IntArray) -> int:
-        return int(advance(theta, xi, last, self._limit, self._starts, self._before, reached, self._crossings))
+    def _walk(self, theta: FloatArray, xi: FloatArray, factors: tuple[float, float], last: FloatArray,
+              reached: IntArray) -> int:
+        return int(advance(theta, xi, factors, last, self._limit, self._starts, self._before, reached,
+                           self._crossings))
 
     def _refuse(self, theta: FloatArray, xi: FloatArray, sample: int, lines: IntArray | None) -> NoReturn:
         before = float(self._last[PEAK]) if self._size else -math.inf

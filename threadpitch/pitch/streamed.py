@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Generic, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -18,15 +16,13 @@ from threadpitch.trace import (
     TURN,
     ColumnChoice,
     Group,
-    Piece,
+    Samples,
     Signals,
     TraceError,
     read_pieces,
     reversal_limit,
     time_fault,
 )
-
-_Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,25 +51,30 @@ class GroupStream:
         self._time = -math.inf  # of the last sample
         self._ends = [math.nan, math.nan]  # first and last angle
 
-    def add(self, piece: Piece) -> None:
+    def add(self, coming: Samples) -> None:
         """The next samples.
 
         Raises:
             TraceError: with the line: time that runs back, NaN, a reversal of the spindle.
             PitchError: more turns than the samples can hold.
         """
-        if piece.time is not None and piece.time.size:
-            fault = time_fault(piece.time, self._time)
+        if coming.time is not None and coming.size:
+            fault = time_fault(coming.time, self._time)
             if fault is not None:
                 sample, text = fault
-                place = f"{self.group.source}:{piece.lines[sample]}" if piece.lines is not None else (
+                place = f"{self.group.source}:{coming.lines[sample]}" if coming.lines is not None else (
                     f"{self._label}: sample {self.pitches.size + sample}")
                 raise TraceError(f"{place}: {text}")
-            self._time = float(piece.time[-1])
-        if piece.angle.size:
-            self._ends = [self._ends[0] if self.pitches.size else float(piece.angle[0]), float(piece.angle[-1])]
-        angle = piece.angle if self._factor == 1.0 else piece.angle * self._factor
-        self.pitches.add(angle, piece.position, piece.lines)
+            self._time = float(coming.time[-1])
+        if coming.size:
+            ends = (float(coming.angle_values[place]) * coming.angle_factor for place in (0, -1))
+            first, last = ends
+            self._ends = [self._ends[0] if self.pitches.size else first, last]
+        if self._factor == 1.0:
+            self.pitches.add(coming.angle_values, coming.position_values, coming.lines,
+                             factors=(coming.angle_factor, coming.position_factor))
+        else:
+            self.pitches.add(coming.angle * self._factor, coming.position, coming.lines)
 
     def result(self) -> StreamedPitch:
         """The pitches of the whole group.
@@ -103,9 +104,9 @@ class GroupStream:
 def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
                    signals: Signals | None = None, *, interval: float | None = None,
                    told: Callable[[int], None] | None = None,
-                   taken: Callable[[str, Piece], None] | None = None) -> list[StreamedPitch]:
+                   taken: Callable[[str, Samples], None] | None = None) -> list[StreamedPitch]:
     """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece,
-    ``taken`` gets each piece itself with the label of its group.
+    ``taken`` gets the samples themselves with the label of its group.
 
     With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``).
 
@@ -118,45 +119,17 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
                          "pitch_tables")
     found: list[StreamedPitch] = []
     now: GroupStream | None = None
-    with _ReadAhead(read_pieces(path, choice, signals)) as ahead:
-        for group, piece in ahead:
+    with read_pieces(path, choice, signals) as pieces:
+        for group, coming in pieces:
             if now is None or now.group is not group:
                 if now is not None:
                     found.append(now.result())
                 now = GroupStream(group, start_angles, interval)
-            now.add(piece)
+            now.add(coming)
             if taken is not None:
-                taken(group.label, piece)
+                taken(group.label, coming)
             if told is not None:
-                told(piece.angle.size)
+                told(coming.size)
     if now is not None:
         found.append(now.result())
     return found
-
-
-class _ReadAhead(Generic[_Item]):
-    """The items, the next of which is read by a second thread meanwhile; closes their source at the end."""
-
-    def __init__(self, source: Generator[_Item]) -> None:
-        self._source = source
-        self._reader = ThreadPoolExecutor(max_workers=1)
-
-    def __enter__(self) -> _ReadAhead[_Item]:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        interrupted = kind is not None and issubclass(kind, KeyboardInterrupt)
-        self._reader.shutdown(wait=not interrupted)  # the thread may hang on a pipe into which nobody writes
-        if not interrupted:
-            self._source.close()
-
-    def __iter__(self) -> Iterator[_Item]:
-        done: list[_Item] = []  # an object that is no item
-
-        def following() -> _Item | list[_Item]:
-            return next(self._source, done)
-
-        coming = self._reader.submit(following)
-        while (item := coming.result()) is not done:
-            coming = self._reader.submit(following)
-            yield item  # type: ignore[misc] # is not done

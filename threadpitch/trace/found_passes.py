@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 
+from threadpitch.trace.conditioned import Samples, joined
 from threadpitch.trace.groups import Group, first_step
-from threadpitch.trace.passes import Piece, joined
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.synchronous import LEAST_TURNS, Part, Synchronism, chief_lead
 
 _MANY = 1024  # pieces that are made one: a recording that grows comes row by row
 
-Owned = tuple[Group, Piece]
+Owned = tuple[Group, Samples]
 
 
 def found_passes(owned: Iterable[Owned]) -> Iterator[Owned]:
@@ -25,14 +24,14 @@ def found_passes(owned: Iterable[Owned]) -> Iterator[Owned]:
     finder: _Finder | None = None
     empty: list[str] = []  # groups without a pass since the last one
     found: Group | None = None
-    for group, piece in owned:
+    for group, samples in owned:
         if finder is None or finder.group is not group:
             if finder is not None:
                 yield from finder.end()
                 found = finder.now or found
                 empty += [finder.group.label] if finder.now is None else []
             finder = _Finder(group, empty)
-        yield from finder.add(piece)
+        yield from finder.add(samples)
     if finder is None:
         return
     yield from finder.end()
@@ -46,17 +45,17 @@ def found_passes(owned: Iterable[Owned]) -> Iterator[Owned]:
 def with_chief_lead(owned: Iterable[Owned]) -> Iterator[Owned]:
     """The same pieces, once the lead of each group is known: that in which the spindle makes most turns."""
     whole: list[Owned] = []
-    for group, piece in owned:
+    for group, samples in owned:
         if whole and whole[-1][0] is not group:
             yield from _led(whole)
             whole = []
-        whole.append((group, piece))
+        whole.append((group, samples))
     yield from _led(whole)
 
 
 def _led(whole: list[Owned]) -> list[Owned]:
     if whole:
-        whole[0][0].lead = chief_lead([(piece.angle, piece.position) for _, piece in whole])
+        whole[0][0].lead = chief_lead([(samples.angle, samples.position) for _, samples in whole])
     return whole
 
 
@@ -73,15 +72,15 @@ class _Finder:
                                    from_the_start=by_index)
         self._numbered = group.chosen.group is None and not by_index
         self._count = 0
-        self._held: list[Piece] = []
+        self._held: list[Samples] = []
         self._first = 0  # number of the first sample that is held
 
-    def add(self, piece: Piece) -> Iterator[Owned]:
+    def add(self, samples: Samples) -> Iterator[Owned]:
         """The next samples of the group; what is known to belong to a pass."""
-        self._held.append(piece)
+        self._held.append(samples)
         if len(self._held) > _MANY:
             self._held = [joined(self._held)]
-        yield from self._taken(self._motion.add(piece.angle, piece.position))
+        yield from self._taken(self._motion.add(samples.angle, samples.position))
 
     def end(self) -> Iterator[Owned]:
         """The group is over."""
@@ -91,15 +90,15 @@ class _Finder:
 
     def _taken(self, parts: list[Part]) -> Iterator[Owned]:
         for part in parts:
-            piece = self._part(part)
+            samples = self._part(part)
             if part.opens:
-                self._begin(piece)
+                self._begin(samples)
             assert self.now is not None  # a part that does not open a pass goes on with one
             self.now.movement = part.movement
-            yield self.now, replace(piece, label=self.now.label, opens=part.opens)
+            yield self.now, samples
         self._forget(self._motion.needed)
 
-    def _begin(self, piece: Piece) -> None:
+    def _begin(self, samples: Samples) -> None:
         if self.now is not None:
             self.now.close()
         self._count += 1
@@ -107,27 +106,27 @@ class _Finder:
         if self._count > 1 and not self._numbered:
             label = f"{label}-{self._count}"
         self.now = copy.copy(self.group)  # shares what makes the signals continuous
-        self.now.label, self.now.margin = label, first_step(piece.angle)
+        self.now.label, self.now.margin = label, first_step(samples.angle)
         self.now.notes = [*self.group.notes, *_left_out(self._empty)]
         self._empty.clear()
 
-    def _part(self, part: Part) -> Piece:
+    def _part(self, part: Part) -> Samples:
         """Samples that are held."""
-        pieces: list[Piece] = []
+        parts: list[Samples] = []
         first = self._first
-        for piece in self._held:
-            last = first + piece.angle.size
+        for samples in self._held:
+            last = first + samples.size
             if first < part.last and last > part.first:
-                pieces.append(piece.part(slice(max(part.first - first, 0), min(part.last, last) - first)))
+                parts.append(samples.part(slice(max(part.first - first, 0), min(part.last, last) - first)))
             first = last
-        return pieces[0] if len(pieces) == 1 else joined(pieces)
+        return parts[0] if len(parts) == 1 else joined(parts)
 
     def _forget(self, needed: int) -> None:
         kept = 0
-        for piece in self._held:
-            if self._first + piece.angle.size > needed:
+        for samples in self._held:
+            if self._first + samples.size > needed:
                 break
-            self._first += piece.angle.size
+            self._first += samples.size
             kept += 1
         del self._held[:kept]
 

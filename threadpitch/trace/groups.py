@@ -8,8 +8,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from threadpitch.compiled import compiled
 from threadpitch.trace.choice import Chosen
-from threadpitch.trace.passes import Piece, joined
+from threadpitch.trace.conditioned import Samples, joined, scaled
+from threadpitch.trace.passes import Piece
 from threadpitch.trace.quadrature import LevelError, Quadrature
 from threadpitch.trace.recording import Trace, TraceError
 from threadpitch.trace.signals import (
@@ -57,7 +59,7 @@ class Group:
         self.lead: float | None = None  # m per turn with its sign, of the passes where it was found
         self.movement: float | None = None  # m per turn, of a pass that was found
         self._closed: tuple[str, ...] | None = None
-        self._waiting: list[Piece] = []
+        self._waiting: list[Samples] = []
 
     @property
     def resolution(self) -> float:
@@ -74,37 +76,34 @@ class Group:
         """Passes are looked for in the recording, which may have stopped between them."""
         return self.chosen.index_enable is not None or self.signals.synchronous
 
-    def add(self, raw: Piece) -> list[Piece]:
-        """The pieces that are ready; the first wait until the turning direction and angle zero are known."""
+    def add(self, raw: Piece) -> list[Samples]:
+        """The samples that are ready; the first wait until the turning direction and angle zero are known."""
         if self._levels is not None:
             assert raw.angle_b is not None
             raw = replace(raw, angle=self._counted(raw), angle_b=None, index=None)
         with np.errstate(over="ignore", invalid="ignore"):  # the trace refuses what becomes infinite
-            piece = replace(
-                raw,
-                angle=self._angle.add(raw.angle) * self.chosen.angle_factor,
-                position=self._position.add(raw.position) * self._position_factor,
-                time=None if raw.time is None else raw.time * self.chosen.time_factor,
-            )
-            piece = self._without_duplicates(piece)
+            time = None if raw.time is None else scaled(raw.time, self.chosen.time_factor)
+            coming = self._without_duplicates(
+                Samples(self._angle.add(raw.angle), self.chosen.angle_factor, self._position.add(raw.position),
+                        self._position_factor, time, raw.lines))
             self._refuse_lost_turns()
-        self._end.add(piece.angle, piece.position)
-        self._waiting.append(piece)
-        if self._sign == 0.0:
-            self._find_direction(piece.angle)
-        if self._zero is None:
-            self._find_zero(piece.angle)
-        return self.rest() if self._sign != 0.0 and self._zero is not None else []
+            self._end.add(coming)
+            self._waiting.append(coming)
+            if self._sign == 0.0:
+                self._find_direction(coming)
+            if self._zero is None:
+                self._find_zero(coming)
+            return self.rest() if self._sign != 0.0 and self._zero is not None else []
 
-    def rest(self) -> list[Piece]:
-        """The pieces that wait."""
+    def rest(self) -> list[Samples]:
+        """The samples that wait."""
         ready, self._waiting = self._waiting, []
         if self._zero:
-            ready = [replace(piece, angle=piece.angle - self._zero) for piece in ready]
+            ready = [replace(one, angle_values=one.angle - self._zero, angle_factor=1.0) for one in ready]
         if self._sign < 0.0:
-            ready = [replace(piece, angle=-piece.angle) for piece in ready]
+            ready = [replace(one, angle_factor=-one.angle_factor) for one in ready]
         if self.parted and self.margin is None and ready:
-            self.margin = first_step(np.concatenate([piece.angle for piece in ready]))
+            self.margin = first_step(np.concatenate([one.angle for one in ready]))
         return ready
 
     def close(self, more: Iterable[str] = ()) -> None:
@@ -126,15 +125,9 @@ class Group:
             found.append(f"taken is the part in which the feed moves {1e3 * abs(self.movement):.4g} mm per turn")
         return tuple(note for note in [*found, *self.notes] if note)
 
-    def _without_duplicates(self, piece: Piece) -> Piece:
-        if piece.time is None:
-            return piece
-        kept = self._clock.add(piece.time, piece.angle, piece.position)
-        if kept is None:
-            return piece
-        lines = None if piece.lines is None else piece.lines[kept]
-        return replace(piece, angle=piece.angle[kept], position=piece.position[kept], time=piece.time[kept],
-                       lines=lines)
+    def _without_duplicates(self, coming: Samples) -> Samples:
+        kept = self._clock.add(coming)
+        return coming if kept is None else coming.part(kept)
 
     def _refuse_lost_turns(self) -> None:
         """A wrapped angle does not tell how often it went round where samples are missing."""
@@ -156,27 +149,35 @@ class Group:
             place = f"sample {error.sample}" if raw.lines is None else f"{raw.lines[error.sample]}"
             raise TraceError(f"{self.source}:{place}: {error}") from None
 
-    def _find_zero(self, angle: FloatArray) -> None:
+    def _find_zero(self, coming: Samples) -> None:
         """The angle at the first index; angle zero stays at the first sample where none comes."""
         assert self._levels is not None
         if self._levels.zero is not None:
             self._zero = self._levels.zero * self.chosen.angle_factor
-        elif self._first is not None and np.any(np.abs(angle - self._first) > _INDEX_WITHIN):
+        elif self._first is not None and np.any(np.abs(coming.angle - self._first) > _INDEX_WITHIN):
             self._zero = 0.0
 
-    def _find_direction(self, angle: FloatArray) -> None:
-        if angle.size == 0:
+    def _find_direction(self, coming: Samples) -> None:
+        if coming.size == 0:
             return
         if self._first is None:
-            self._first = float(angle[0])
-        with np.errstate(invalid="ignore"):
-            far = np.flatnonzero(np.abs(angle - self._first) > _HALF_A_TURN)
-        if far.size:
-            self._sign = -1.0 if angle[far[0]] < self._first else 1.0
+            self._first = float(coming.angle_values[0]) * coming.angle_factor
+        far = _first_far(coming.angle_values, coming.angle_factor, self._first, _HALF_A_TURN)
+        if far < coming.size:
+            self._sign = -1.0 if coming.angle_values[far] * coming.angle_factor < self._first else 1.0
 
 
-def grouped(pieces: Iterable[Piece], source: str, chosen: Chosen, signals: Signals) -> Iterator[tuple[Group, Piece]]:
-    """Every piece, conditioned, with its group; a group's pieces follow one another.
+@compiled(nogil=True)
+def _first_far(values: FloatArray, factor: float, origin: float, distance: float) -> int:
+    """The first sample whose ``factor value`` is farther than that from the origin; their number if there is none."""
+    for i in range(values.size):
+        if abs(values[i] * factor - origin) > distance:
+            return i
+    return values.size
+
+
+def grouped(pieces: Iterable[Piece], source: str, chosen: Chosen, signals: Signals) -> Iterator[tuple[Group, Samples]]:
+    """The samples of every piece, conditioned, with their group; those of a group follow one another.
 
     Where a label comes again after other rows, a new group begins, called ``true (2)``.
     """
@@ -185,29 +186,29 @@ def grouped(pieces: Iterable[Piece], source: str, chosen: Chosen, signals: Signa
     for raw in pieces:
         if group is None or raw.opens:
             if group is not None:
-                yield from ((group, piece) for piece in group.rest())
+                yield from ((group, ready) for ready in group.rest())
             seen[raw.label] = seen.get(raw.label, 0) + 1
             times = seen[raw.label]
             group = Group(raw.label if times == 1 else f"{raw.label} ({times})", source, chosen, signals)
-        yield from ((group, piece) for piece in group.add(raw))
+        yield from ((group, ready) for ready in group.add(raw))
     if group is not None:
-        yield from ((group, piece) for piece in group.rest())
+        yield from ((group, ready) for ready in group.rest())
 
 
-def traces(pieces: Iterable[tuple[Group, Piece]]) -> Iterator[Trace]:
+def traces(owned: Iterable[tuple[Group, Samples]]) -> Iterator[Trace]:
     """One trace per group.
 
     Raises:
         TraceError: all that ``Trace`` refuses; more turns than samples.
     """
     group: Group | None = None
-    parts: list[Piece] = []
-    for owner, piece in pieces:
+    parts: list[Samples] = []
+    for owner, ready in owned:
         if group is not None and owner is not group:
             yield _trace(group, parts)
             parts = []
         group = owner
-        parts.append(piece)
+        parts.append(ready)
     if group is not None:
         yield _trace(group, parts)
 
@@ -218,9 +219,9 @@ def first_step(angle: FloatArray) -> float:
     return _WITHIN * float(angle[above[0]] - angle[0]) if above.size else 0.0
 
 
-def _trace(group: Group, parts: list[Piece]) -> Trace:
-    piece = joined(parts)
-    trace = Trace(piece.angle, piece.position, piece.time, name=group.label, source=group.source, lines=piece.lines,
+def _trace(group: Group, parts: list[Samples]) -> Trace:
+    whole = joined(parts)
+    trace = Trace(whole.angle, whole.position, whole.time, name=group.label, source=group.source, lines=whole.lines,
                   resolution=group.resolution, notes=group.all_notes(), margin=group.margin)
     turns = (trace.angle[-1] - trace.angle[0]) / TURN
     if turns > trace.angle.size:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Protocol
 
+from threadpitch.trace.ahead import ReadAhead
 from threadpitch.trace.array_files import array_format, array_log
 from threadpitch.trace.choice import Chosen, ColumnChoice
+from threadpitch.trace.conditioned import Samples
 from threadpitch.trace.csv_log import TextLog
 from threadpitch.trace.found_passes import found_passes, with_chief_lead
 from threadpitch.trace.groups import Group, grouped, traces
@@ -60,19 +62,27 @@ def chosen_columns(path: str | Path, choice: ColumnChoice) -> Chosen:
         return log.chosen
 
 
+@contextmanager
 def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) \
-        -> Generator[tuple[Group, Piece]]:
+        -> Generator[Iterator[tuple[Group, Samples]]]:
     """The samples of a log piece by piece, rad, m and s, each with its group; nothing of them is kept.
+
+        with read_pieces(path, choice) as pieces:
+            for group, samples in pieces:
+                ...
+
+    The file is read by a second thread meanwhile.
 
     Raises:
         TraceError: as ``read_groups``, but for what needs a whole group: the turning of the spindle.
     """
-    with closing(open_log(Path(path), choice)) as log:
-        yield from _owned(log, signals or Signals(), the_whole=False)
+    log = open_log(Path(path), choice)
+    with ReadAhead(log.pieces(), log.close) as pieces:
+        yield _owned(log, pieces, signals or Signals())
 
 
 def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = None, *, idle: float = math.inf) \
-        -> Iterator[tuple[Group, Piece]]:
+        -> Iterator[tuple[Group, Samples]]:
     """``read_pieces`` of a text log that still grows, every line as soon as it is there; ``-`` is standard input.
 
     It ends with standard input, and with a file when that has not grown for ``idle`` seconds.
@@ -81,7 +91,7 @@ def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = Non
         TraceError: as ``read_pieces``; the file became shorter.
     """
     with closing(TextLog(str(path), live_texts(path, idle), choice)) as log:
-        yield from _owned(log, signals or Signals(), the_whole=False)
+        yield from _owned(log, log.pieces(), signals or Signals())
 
 
 def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None = None, *,
@@ -98,14 +108,15 @@ def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None 
         TraceError: with file and line: whatever keeps the file from being read, a column that is not there, text or
             NaN in a number, rows of unequal length, no threading row, and all that ``Trace`` refuses.
     """
-    with closing(open_log(Path(path), choice)) as log:
-        return list(traces(_owned(log, signals or Signals(), the_whole=True, told=told)))
+    log = open_log(Path(path), choice)
+    with ReadAhead(log.pieces(), log.close) as pieces:
+        return list(traces(_owned(log, pieces, signals or Signals(), the_whole=True, told=told)))
 
 
-def _owned(log: Log, signals: Signals, *, the_whole: bool, told: Callable[[int], None] | None = None) \
-        -> Iterator[tuple[Group, Piece]]:
-    """The samples of a log, each piece with its group, or with the pass that is found by the motion of the feed."""
-    owned = _told(grouped(log.pieces(), log.source, log.chosen, signals), told)
+def _owned(log: Log, pieces: Iterator[Piece], signals: Signals, *, the_whole: bool = False,
+           told: Callable[[int], None] | None = None) -> Iterator[tuple[Group, Samples]]:
+    """The samples of a log, with their group, or with the pass that is found by the motion of the feed."""
+    owned = _told(grouped(pieces, log.source, log.chosen, signals), told)
     by_index = log.chosen.index_enable is not None
     if not by_index and not signals.synchronous:
         return owned
@@ -114,8 +125,9 @@ def _owned(log: Log, signals: Signals, *, the_whole: bool, told: Callable[[int],
     return found_passes(owned)
 
 
-def _told(owned: Iterator[tuple[Group, Piece]], told: Callable[[int], None] | None) -> Iterator[tuple[Group, Piece]]:
-    for group, piece in owned:
+def _told(owned: Iterator[tuple[Group, Samples]], told: Callable[[int], None] | None) \
+        -> Iterator[tuple[Group, Samples]]:
+    for group, samples in owned:
         if told is not None:
-            told(piece.angle.size)
-        yield group, piece
+            told(samples.size)
+        yield group, samples

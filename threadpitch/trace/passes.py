@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -34,21 +34,6 @@ class Piece:
     lines: IntArray | None = None  # (samples,) line of the file, from 1
     angle_b: FloatArray | None = None  # (samples,) level B of the encoder
     index: FloatArray | None = None  # (samples,) one-turn pulse
-
-    def part(self, samples: slice) -> Piece:
-        """Some of the samples."""
-        arrays: dict[str, Any] = {name: value[samples] for name, value in vars(self).items()
-                                  if isinstance(value, np.ndarray)}
-        return replace(self, **arrays)
-
-
-def joined(parts: list[Piece]) -> Piece:
-    """Neighbouring pieces as one."""
-    times = [part.time for part in parts if part.time is not None]
-    lines = [part.lines for part in parts if part.lines is not None]
-    return Piece(parts[0].label, True, np.concatenate([part.angle for part in parts]),
-                 np.concatenate([part.position for part in parts]), np.concatenate(times) if times else None,
-                 np.concatenate(lines) if lines else None)
 
 
 class Labels(dict[str, str]):

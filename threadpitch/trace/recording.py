@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from threadpitch.trace.soundness import FloatArray, fault_text, first_fault
+from threadpitch.trace.soundness import FloatArray, even, fault_text, first_fault
 
 IntArray = NDArray[np.int64]
 
@@ -96,6 +96,8 @@ class Trace:
 
 def time_fault(time: FloatArray, before: float = -math.inf) -> tuple[int, str] | None:
     """The first sample whose time cannot be, and what is wrong with it; ``before`` is the time of the sample before."""
+    if even(time, before, 0.0, math.inf) and time.size and abs(time[0]) < math.inf and abs(time[-1]) < math.inf:
+        return None
     sound = np.isfinite(time)
     if not sound.all():
         return int(np.argmin(sound)), "time is not finite; mend or leave out this sample"

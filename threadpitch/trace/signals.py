@@ -6,17 +6,19 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from threadpitch.compiled import compiled
 from threadpitch.trace.choice import Chosen, angle_factor, position_factor
+from threadpitch.trace.conditioned import Samples
 from threadpitch.trace.recording import IntArray, TraceError
-from threadpitch.trace.soundness import TURN, FloatArray
+from threadpitch.trace.soundness import BLOCK, TURN, FloatArray, even
 
 NEVER = 0.0  # as a period: the signal does not wrap
 _COUNTERS = tuple(2.0**bits for bits in range(12, 33))  # counts, of encoders whose counter overflows
 _LEAST_JUMP = 0.5  # of a period; a signal that moves further in a sample cannot be made continuous
 _USUAL = 1000  # samples by which the usual interval of time is told
-_GAP = 1.5  # usual intervals
+_GAP, _LEAST = 1.5, 1e-6  # usual intervals
 _BEFORE = 50  # samples before a gap by which the speed is told
 
 
@@ -139,10 +141,20 @@ class Continuous:
 def _until_a_jump(values: FloatArray, before: float, least: float) -> tuple[int, float, float]:
     """(first sample that is farther than ``least`` from the one before, lowest and highest up to there)."""
     lowest, highest = values[0], values[0]
-    for i in range(values.size):
-        if not abs(values[i] - before) <= least:
-            return i, min(lowest, values[i]), max(highest, values[i])
-        lowest, highest, before = min(lowest, values[i]), max(highest, values[i]), values[i]
+    for first in range(0, values.size, BLOCK):
+        block = values[first : first + BLOCK]
+        last = block[block.size - 1]
+        if even(block, before, 0.0, least):  # then its ends are its lowest and highest
+            lowest, highest = min(lowest, block[0]), max(highest, last)
+        elif even(block, before, -least, 0.0):
+            lowest, highest = min(lowest, last), max(highest, block[0])
+        else:
+            for i in range(block.size):
+                lowest, highest = min(lowest, block[i]), max(highest, block[i])
+                if not abs(block[i] - before) <= least:
+                    return first + i, lowest, highest
+                before = block[i]
+        before = last
     return values.size, lowest, highest
 
 
@@ -154,26 +166,33 @@ class Clock:
     gaps: int = 0
     longest: float = 0.0
     turned: float = 0.0  # rad, at most in a place where samples are missing, by the speed before it
-    _last: tuple[float, float, float] | None = None
+    _last: tuple[float, float, float] = (-math.inf, 0.0, 0.0)  # time, angle, position of the sample before
     _intervals: list[float] = field(default_factory=list)
     _usual: float = 0.0
     _tail: FloatArray = field(default_factory=lambda: np.empty((2, 0)))  # time and angle of the last samples
 
-    def add(self, time: FloatArray, angle: FloatArray, position: FloatArray) -> FloatArray | None:
+    def add(self, coming: Samples) -> NDArray[np.bool_] | None:
         """Which samples are kept (samples,) as True; None for all."""
-        if time.size == 0:
+        time = coming.time
+        if time is None or time.size == 0:
             return None
-        last = self._last or (-math.inf, 0.0, 0.0)
-        self._last = float(time[-1]), float(angle[-1]), float(position[-1])
-        steps = np.diff(time, prepend=last[0])
+        usual = len(self._intervals) >= _USUAL and even(time, self._last[0], _LEAST * self._usual, _GAP * self._usual)
+        kept = None if usual else self._looked_at(coming, time)
+        end = coming.part(slice(-_BEFORE, None))
+        self._last = float(time[-1]), float(end.angle[-1]), float(end.position[-1])
+        self._tail = np.concatenate((self._tail, (time[-_BEFORE:], end.angle)), axis=1)[:, -_BEFORE:]
+        return kept
+
+    def _looked_at(self, coming: Samples, time: FloatArray) -> NDArray[np.bool_] | None:
+        steps = np.diff(time, prepend=self._last[0])
         long = self._gaps(steps)
         if long.size:
-            self._turn_through(long, time, angle)
-        self._tail = np.concatenate((self._tail, (time[-_BEFORE:], angle[-_BEFORE:])), axis=1)[:, -_BEFORE:]
+            self._turn_through(long, time, coming.angle)
         twice = steps == 0.0
         if not twice.any():
             return None
-        twice &= (np.diff(angle, prepend=last[1]) == 0.0) & (np.diff(position, prepend=last[2]) == 0.0)
+        twice &= np.diff(coming.angle, prepend=self._last[1]) == 0.0
+        twice &= np.diff(coming.position, prepend=self._last[2]) == 0.0
         self.duplicates += int(np.count_nonzero(twice))
         return np.asarray(~twice)
 
@@ -223,16 +242,17 @@ class Standing:
     _since: tuple[float, float] = (math.nan, math.nan)  # of the first sample with the angle of the last one
     _last: float = math.nan  # position
 
-    def add(self, angle: FloatArray, position: FloatArray) -> None:
+    def add(self, coming: Samples) -> None:
         """The next samples."""
-        if angle.size == 0:
+        if coming.size == 0:
             return
-        self._begin = self._begin or (float(angle[0]), float(position[0]))
-        other = (angle != angle[-1])[::-1]
-        equal = int(np.argmax(other)) if other.any() else angle.size
-        if equal < angle.size or angle[-1] != self._since[0]:
-            self._since = float(angle[-1]), float(position[angle.size - equal])
-        self._last = float(position[-1])
+        ends = coming.part(slice(None, None, max(coming.size - 1, 1)))  # the first and the last
+        self._begin = self._begin or (float(ends.angle[0]), float(ends.position[0]))
+        equal = _equal_at_the_end(coming.angle_values)
+        if equal < coming.size or ends.angle[-1] != self._since[0]:
+            since = coming.part(slice(coming.size - equal, coming.size - equal + 1))
+            self._since = float(since.angle[0]), float(since.position[0])
+        self._last = float(ends.position[-1])
 
     def note(self) -> str:
         """That it stands while the position moves by more than in a turn; empty where it does not."""
@@ -244,6 +264,15 @@ class Standing:
             return ""
         return (f"the angle stands still at the end, while the position moves by {1e3 * after:.4g} mm: is its sensor "
                 "stuck, or did the spindle stop?")
+
+
+@compiled(nogil=True)
+def _equal_at_the_end(values: FloatArray) -> int:
+    """How many of the last values are equal."""
+    equal = 1
+    while equal < values.size and values[values.size - 1 - equal] == values[values.size - 1]:
+        equal += 1
+    return equal
 
 
 def without_outliers(position: FloatArray, limit: float) -> tuple[FloatArray, int]:

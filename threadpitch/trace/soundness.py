@@ -33,6 +33,24 @@ def _suspects(angle: FloatArray, before: FloatArray, position: FloatArray) -> in
 
 
 @compiled(nogil=True)
+def even(values: FloatArray, before: float, least: float, most: float) -> bool:
+    """Every step from one value to the next, and from ``before`` to the first, lies from ``least`` to ``most``."""
+    if values.size == 0:
+        return True
+    step = values[0] - before
+    return least <= step <= most and _odd_steps(values[1:], values[:-1], least, most) == 0
+
+
+@compiled(nogil=True, inline="never")
+def _odd_steps(values: FloatArray, before: FloatArray, least: float, most: float) -> int:
+    odd = 0
+    for i in range(values.size):  # without a branch, as above
+        step = values[i] - before[i]
+        odd += (not (step >= least)) | (not (step <= most))
+    return odd
+
+
+@compiled(nogil=True)
 def running_peak(angle: FloatArray, position: FloatArray, peak: float, limit: float, peaks: FloatArray) -> int:
     """Fills ``peaks``; the first sample that is damaged or goes back from the peak by more than the limit, or -1."""
     for i in range(angle.size):
