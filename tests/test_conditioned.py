@@ -67,7 +67,8 @@ def test_a_sample_is_refused_by_its_number_in_rad_and_m(sample: int) -> None:
        odd=st.sampled_from([0.0, 0.7, -0.7, math.nan, math.inf, -math.inf]))
 def test_a_jump_is_found_as_by_a_plain_loop(seed: int, size: int, kind: str, odd: float) -> None:
     random = np.random.default_rng(seed)
-    steps = random.uniform(0.0, 0.4, size) * {"up": 1.0, "down": -1.0, "both": random.choice([-1.0, 1.0], size)}[kind]
+    signs = {"up": [1.0], "down": [-1.0], "both": [-1.0, 1.0]}[kind]
+    steps = random.uniform(0.0, 0.4, size) * random.choice(signs, size)
     steps[random.integers(size)] += odd
     values = np.cumsum(steps)
     lowest, highest, before, jump = values[0], values[0], 0.0, size
