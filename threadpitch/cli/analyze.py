@@ -17,7 +17,7 @@ from threadpitch.cli.judging import Findings, Judged, find, findings_document, s
 from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
 from threadpitch.cli.log_options import LogOptions
 from threadpitch.cli.options import AsJson, StartAngles, number, radians
-from threadpitch.cli.printing import counting, fail, print_json, printing
+from threadpitch.cli.printing import ReadingLine, fail, print_json, printing
 from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch_table, pitch_tables, stream_pitches
 from threadpitch.runs import Labels
 from threadpitch.tables import analysis_document, show_groups
@@ -134,14 +134,15 @@ class Reading:
 def _groups(reading: Reading, keeper: Keeper | None) -> Sequence[GroupPitch | StreamedPitch]:
     log, choice, starts, signals = reading.log, reading.choice, reading.start_angles, reading.signals
     if reading.whole:
-        with counting("reading") as told:
-            found = pitch_tables(log, choice, starts, signals, CROSSINGS[reading.crossing], told=told)
+        with ReadingLine("reading") as line:
+            found = pitch_tables(log, choice, starts, signals, CROSSINGS[reading.crossing], told=line.told,
+                                 read=line.read)
         if keeper is not None:
             for group in found:
                 keeper.sample(group.label, group.trace)
         return found
-    with counting("reading") as told:
-        return stream_pitches(log, choice, starts, signals, interval=reading.interval, told=told,
+    with ReadingLine("reading") as line:
+        return stream_pitches(log, choice, starts, signals, interval=reading.interval, told=line.told, read=line.read,
                               taken=None if keeper is None else keeper.sample)
 
 

@@ -14,7 +14,7 @@ from threadpitch.cli import log_options
 from threadpitch.cli.analyze import CROSSINGS
 from threadpitch.cli.log_options import LogOptions
 from threadpitch.cli.options import StartAngles, number, radians
-from threadpitch.cli.printing import counting, fail, printing
+from threadpitch.cli.printing import ReadingLine, fail, printing
 from threadpitch.judgement.measured_file import read_measured
 from threadpitch.pitch import pitch_tables
 from threadpitch.report.content import Report, Thread
@@ -104,8 +104,9 @@ def report(
     def threads_of(path: Path) -> list[Thread]:
         if path.is_dir():
             return read_run(path, chosen, question.uncertainty)
-        with counting("reading") as told:
-            groups = pitch_tables(path, choice, starts, signals, CROSSINGS[crossing], told=told)
+        with ReadingLine("reading") as line:
+            groups = pitch_tables(path, choice, starts, signals, CROSSINGS[crossing], told=line.told,
+                                  read=line.read)
         return [log_thread(path, one, groups, question) for one in chosen_groups(groups, path, chosen)]
 
     threads = [one for path in inputs for one in threads_of(path)]

@@ -103,10 +103,11 @@ class GroupStream:
 
 def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
                    signals: Signals | None = None, *, interval: float | None = None,
-                   told: Callable[[int], None] | None = None,
+                   told: Callable[[int], None] | None = None, read: Callable[[float], None] | None = None,
                    taken: Callable[[str, Samples], None] | None = None) -> list[StreamedPitch]:
     """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece,
-    ``taken`` gets the samples themselves with the label of its group.
+    ``read`` what share of the log is read, 0 to 1, where that is known, ``taken`` gets the samples themselves with the
+    label of its group.
 
     With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``).
 
@@ -119,7 +120,7 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
                          "pitch_tables")
     found: list[StreamedPitch] = []
     now: GroupStream | None = None
-    with read_pieces(path, choice, signals) as pieces:
+    with read_pieces(path, choice, signals, read=read) as pieces:
         for group, coming in pieces:
             if now is None or now.group is not group:
                 if now is not None:

@@ -20,7 +20,7 @@ from threadpitch.trace.passes import Piece
 from threadpitch.trace.recording import Trace
 from threadpitch.trace.scope_file import scope_log
 from threadpitch.trace.signals import Signals
-from threadpitch.trace.text_rows import STANDARD_INPUT, texts_of
+from threadpitch.trace.text_rows import STANDARD_INPUT, Place, texts_of
 
 
 class Log(Protocol):
@@ -28,6 +28,10 @@ class Log(Protocol):
 
     source: str
     chosen: Chosen
+
+    @property
+    def share(self) -> float | None:
+        """Of the log that is read, 0 to 1; None where that is not known."""
 
     def pieces(self) -> Iterator[Piece]:
         """Neighbouring samples of one group, one piece after the other."""
@@ -45,7 +49,8 @@ def open_log(path: Path, choice: ColumnChoice) -> Log:
     name = "" if str(path) == STANDARD_INPUT else array_format(path)
     if name:
         return array_log(path, name, choice)
-    log = TextLog(str(path), texts_of(path), choice)
+    place = Place()
+    log = TextLog(str(path), texts_of(path, place), choice, place)
     if not log.head.sample_times or not path.is_file():
         return log
     log.close()
@@ -63,22 +68,23 @@ def chosen_columns(path: str | Path, choice: ColumnChoice) -> Chosen:
 
 
 @contextmanager
-def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None = None) \
-        -> Generator[Iterator[tuple[Group, Samples]]]:
+def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None = None, *,
+                read: Callable[[float], None] | None = None) -> Generator[Iterator[tuple[Group, Samples]]]:
     """The samples of a log piece by piece, rad, m and s, each with its group; nothing of them is kept.
 
         with read_pieces(path, choice) as pieces:
             for group, samples in pieces:
                 ...
 
-    The file is read by a second thread meanwhile.
+    The file is read by a second thread meanwhile. ``read`` hears what share of the log is read, 0 to 1, where that is
+    known.
 
     Raises:
         TraceError: as ``read_groups``, but for what needs a whole group: the turning of the spindle.
     """
     log = open_log(Path(path), choice)
     with ReadAhead(log.pieces(), log.close) as pieces:
-        yield _owned(log, pieces, signals or Signals())
+        yield _owned(log, _sharing(log, pieces, read), signals or Signals())
 
 
 def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = None, *, idle: float = math.inf) \
@@ -95,14 +101,15 @@ def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = Non
 
 
 def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None = None, *,
-                told: Callable[[int], None] | None = None) -> list[Trace]:
+                told: Callable[[int], None] | None = None,
+                read: Callable[[float], None] | None = None) -> list[Trace]:
     """The groups of a log, in the order of the file; ``Trace.name`` is the group's value.
 
     Rows whose group value is 0, empty or false are not threading and are left out. A group is a stretch of such rows
     with one value; where a value comes again after other rows, a new group begins (a flag that is true in every pass),
     called ``true (2)``. Angle and time may restart with every group. An angle that counts down in a group is turned
     around, which ``Trace.notes`` says; start angles then count in the turning direction too. ``told`` hears the number
-    of samples of each piece.
+    of samples of each piece, ``read`` what share of the log is read, 0 to 1, where that is known.
 
     Raises:
         TraceError: with file and line: whatever keeps the file from being read, a column that is not there, text or
@@ -110,7 +117,7 @@ def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None 
     """
     log = open_log(Path(path), choice)
     with ReadAhead(log.pieces(), log.close) as pieces:
-        return list(traces(_owned(log, pieces, signals or Signals(), the_whole=True, told=told)))
+        return list(traces(_owned(log, _sharing(log, pieces, read), signals or Signals(), the_whole=True, told=told)))
 
 
 def _owned(log: Log, pieces: Iterator[Piece], signals: Signals, *, the_whole: bool = False,
@@ -123,6 +130,13 @@ def _owned(log: Log, pieces: Iterator[Piece], signals: Signals, *, the_whole: bo
     if the_whole and not by_index and signals.lead is None:
         owned = with_chief_lead(owned)
     return found_passes(owned)
+
+
+def _sharing(log: Log, pieces: Iterator[Piece], read: Callable[[float], None] | None) -> Iterator[Piece]:
+    for piece in pieces:
+        if read is not None and log.share is not None:
+            read(log.share)
+        yield piece
 
 
 def _told(owned: Iterator[tuple[Group, Samples]], told: Callable[[int], None] | None) \
