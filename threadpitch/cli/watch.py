@@ -103,10 +103,13 @@ class _Watched:
         if not self._groups or self._groups[-1].group is not group:
             if self._keeper is None:
                 self._groups.clear()  # of a former group nothing is needed any more
+            if not self._told and (note := group.chosen.assumed_unit_note()):
+                remark(f"note: {note}")
             self._groups.append(GroupStream(group, self._starts))
             self._running, self._told = [Running() for _ in self._starts], [0 for _ in self._starts]
         now = self._groups[-1]
         now.add(samples)
+        now.check_unit()
         turns = [Turn(LOG, group.label, turn, self._starts[k], pitch)
                  for k, completed in enumerate(now.pitches.completed.tolist())
                  for turn in range(self._told[k] + 1, completed + 1)

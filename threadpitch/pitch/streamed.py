@@ -49,6 +49,7 @@ class GroupStream:
         self.pitches = PitchStream(start_angles, limit=limit, label=self._label, source=group.source,
                                    margin=None if group.margin is None else self._factor * group.margin)
         self._time = -math.inf  # of the last sample
+        self._began = math.nan  # time of the first sample
         self._ends = [math.nan, math.nan]  # first and last angle
 
     def add(self, coming: Samples) -> None:
@@ -65,6 +66,7 @@ class GroupStream:
                 place = f"{self.group.source}:{coming.lines[sample]}" if coming.lines is not None else (
                     f"{self._label}: sample {self.pitches.size + sample}")
                 raise TraceError(f"{place}: {text}")
+            self._began = self._began if self.pitches.size else float(coming.time[0])
             self._time = float(coming.time[-1])
         if coming.size:
             ends = (float(coming.angle_values[place]) * coming.angle_factor for place in (0, -1))
@@ -76,6 +78,17 @@ class GroupStream:
         else:
             self.pitches.add(coming.angle * self._factor, coming.position, coming.lines)
 
+    def check_unit(self) -> None:
+        """Whether the angle may have its unit, by the samples so far.
+
+        Raises:
+            TraceError: more turns than samples; of an assumed unit more than can be in a sample, or in the time.
+        """
+        turns = (self._ends[1] - self._ends[0]) / TURN
+        seconds = 0.0 if math.isnan(self._began) else self._time - self._began
+        if doubt := self.group.chosen.angle_unit_doubt(turns, self.pitches.size, seconds):
+            raise TraceError(f"{self._label}: {doubt}")
+
     def result(self) -> StreamedPitch:
         """The pitches of the whole group.
 
@@ -86,10 +99,7 @@ class GroupStream:
         size = self.pitches.size
         if size < 2:
             raise TraceError(f"{self._label}: {size} samples; a pitch needs two and a whole turn between them")
-        turns = (self._ends[1] - self._ends[0]) / TURN
-        if turns > size:
-            raise TraceError(f"{self._label}: {turns:.0f} turns in {size} samples; "
-                             f"{self.group.chosen.angle_unit_doubt()}")
+        self.check_unit()
         table = self.pitches.final_table()
         points = None
         if self._interval is not None:

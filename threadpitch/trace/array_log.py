@@ -32,7 +32,7 @@ class Columns:
     units: Sequence[str]
     chunks: Chunks
     ends_with_time: bool = False  # the last column is the time of the angle
-    usual_angle: str = "rev"  # unit of an angle that has none
+    usual_angle: str = ""  # unit of an angle that has none, where the format tells it
     notes: Callable[[Chosen], tuple[str, ...]] = lambda _: ()
 
 

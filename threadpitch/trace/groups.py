@@ -224,9 +224,9 @@ def _trace(group: Group, parts: list[Samples]) -> Trace:
     trace = Trace(whole.angle, whole.position, whole.time, name=group.label, source=group.source, lines=whole.lines,
                   resolution=group.resolution, notes=group.all_notes(), margin=group.margin)
     turns = (trace.angle[-1] - trace.angle[0]) / TURN
-    if turns > trace.angle.size:
-        raise TraceError(f"{trace.whole()}: {turns:.0f} turns in {trace.angle.size} samples; "
-                         f"{group.chosen.angle_unit_doubt()}")
+    seconds = 0.0 if trace.time is None else float(trace.time[-1] - trace.time[0])
+    if doubt := group.chosen.angle_unit_doubt(turns, trace.angle.size, seconds):
+        raise TraceError(f"{trace.whole()}: {doubt}")
     return _without_latency(_without_outliers(trace, group), group)
 
 

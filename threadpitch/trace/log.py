@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from threadpitch.trace.ahead import ReadAhead
+from threadpitch.trace.angle_unit import assumed, with_angle_unit
 from threadpitch.trace.array_files import array_format, array_log
 from threadpitch.trace.choice import Chosen, ColumnChoice
 from threadpitch.trace.conditioned import Samples
@@ -84,20 +86,21 @@ def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None 
     """
     log = open_log(Path(path), choice)
     with ReadAhead(log.pieces(), log.close) as pieces:
-        yield _owned(log, _sharing(log, pieces, read), signals or Signals())
+        yield _owned(_Recorded.of(log, _sharing(log, pieces, read), signals))
 
 
 def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = None, *, idle: float = math.inf) \
         -> Iterator[tuple[Group, Samples]]:
     """``read_pieces`` of a text log that still grows, every line as soon as it is there; ``-`` is standard input.
 
-    It ends with standard input, and with a file when that has not grown for ``idle`` seconds.
+    It ends with standard input, and with a file when that has not grown for ``idle`` seconds. An angle without a unit
+    is taken in rev: the samples that would tell it are not there yet.
 
     Raises:
         TraceError: as ``read_pieces``; the file became shorter.
     """
     with closing(TextLog(str(path), live_texts(path, idle), choice)) as log:
-        yield from _owned(log, log.pieces(), signals or Signals())
+        yield from _owned(_Recorded(log.source, assumed(log.chosen), log.pieces(), signals or Signals()))
 
 
 def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None = None, *,
@@ -117,17 +120,35 @@ def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None 
     """
     log = open_log(Path(path), choice)
     with ReadAhead(log.pieces(), log.close) as pieces:
-        return list(traces(_owned(log, _sharing(log, pieces, read), signals or Signals(), the_whole=True, told=told)))
+        recorded = _Recorded.of(log, _sharing(log, pieces, read), signals)
+        return list(traces(_owned(recorded, the_whole=True, told=told)))
 
 
-def _owned(log: Log, pieces: Iterator[Piece], signals: Signals, *, the_whole: bool = False,
-           told: Callable[[int], None] | None = None) -> Iterator[tuple[Group, Samples]]:
+@dataclass(frozen=True)
+class _Recorded:
+    """What a log holds, and what is known of it."""
+
+    source: str
+    chosen: Chosen
+    pieces: Iterator[Piece]
+    signals: Signals
+
+    @classmethod
+    def of(cls, log: Log, pieces: Iterator[Piece], signals: Signals | None) -> _Recorded:
+        """With the unit of the angle, which the first pieces tell where nothing else does."""
+        signals = signals or Signals()
+        coming, chosen = with_angle_unit(pieces, log.chosen, signals)
+        return cls(log.source, chosen, coming, signals)
+
+
+def _owned(log: _Recorded, *, the_whole: bool = False, told: Callable[[int], None] | None = None) \
+        -> Iterator[tuple[Group, Samples]]:
     """The samples of a log, with their group, or with the pass that is found by the motion of the feed."""
-    owned = _told(grouped(pieces, log.source, log.chosen, signals), told)
+    owned = _told(grouped(log.pieces, log.source, log.chosen, log.signals), told)
     by_index = log.chosen.index_enable is not None
-    if not by_index and not signals.synchronous:
+    if not by_index and not log.signals.synchronous:
         return owned
-    if the_whole and not by_index and signals.lead is None:
+    if the_whole and not by_index and log.signals.lead is None:
         owned = with_chief_lead(owned)
     return found_passes(owned)
 
