@@ -16,7 +16,16 @@ from threadpitch.cli.following_error import recorded_control
 from threadpitch.cli.judging import Findings, Judged, find, findings_document, show_findings
 from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
 from threadpitch.cli.log_options import LogOptions
-from threadpitch.cli.options import AsJson, StartAngles, number, radians
+from threadpitch.cli.options import (
+    OF_THREAD,
+    WITHOUT_MEASURED,
+    WITHOUT_THREAD,
+    AsJson,
+    StartAngles,
+    number,
+    radians,
+    refuse,
+)
 from threadpitch.cli.printing import ReadingLine, fail, print_json, printing
 from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch_table, pitch_tables, stream_pitches
 from threadpitch.runs import Labels
@@ -26,8 +35,12 @@ from threadpitch.trace import ColumnChoice, Signals
 CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 
 
+_OF_MEASURED = ("uncertainty", "negligible", "ball_screw", "lead_change", "following_error", "expected_lag")
+
+
 @log_options.with_log_options
 def analyze(
+    context: typer.Context,
     log: Annotated[Path, typer.Argument(
         metavar="LOG", help="Log of a machine: CSV and other text (plain, .gz, or - for standard input), Parquet, "
                             "HDF5, MAT, TDMS, MDF.")],
@@ -85,6 +98,11 @@ def analyze(
     as_json: AsJson = False,
 ) -> None:
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
+    if measured is None:
+        refuse(context, _OF_MEASURED, WITHOUT_MEASURED)
+    if thread is None:
+        refuse(context, OF_THREAD, WITHOUT_THREAD)
+    store_options.refuse_labels_of_nothing(context)
     screw = of_log.screw_lead if ball_screw is None else ball_screw
     asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement, expected_lag, negligible,
                    lead_change)

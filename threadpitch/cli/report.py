@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +14,7 @@ from rich.text import Text
 from threadpitch.cli import log_options
 from threadpitch.cli.analyze import CROSSINGS
 from threadpitch.cli.log_options import LogOptions
-from threadpitch.cli.options import StartAngles, number, radians
+from threadpitch.cli.options import OF_THREAD, WITHOUT_MEASURED, WITHOUT_THREAD, StartAngles, number, radians, refuse
 from threadpitch.cli.printing import ReadingLine, fail, printing
 from threadpitch.judgement.measured_file import read_measured
 from threadpitch.pitch import pitch_tables
@@ -33,8 +34,13 @@ from threadpitch.units import to_si
 _NAMED = 3  # threads in a title
 
 
+_OF_LOG = (*(one.name for one in fields(log_options.LogOptions)), "latency", "outlier", "crossing", "start_angle",
+           "target")
+
+
 @log_options.with_log_options
 def report(
+    context: typer.Context,
     inputs: Annotated[list[Path], typer.Argument(
         metavar="RESULT|LOG|STUDY ...",
         help="Folder of a run, or a log; of several the curves lie over one another. Or the folder of a study.")],
@@ -79,6 +85,8 @@ def report(
     if any(is_study(path) for path in inputs):
         if len(inputs) > 1:
             fail("a study is a report of its own: give its folder alone")
+        refuse(context, (*_OF_LOG, "chosen", "measured", "uncertainty", "ball_screw", "thread", *OF_THREAD),
+               "belongs to runs and logs, not to a study; leave it out")
         result = kept(inputs[0])
         write_study(result, title, output)
         with printing():
@@ -93,6 +101,12 @@ def report(
     if measured is not None and all(path.is_dir() for path in inputs):
         fail("--measured belongs to a log; a run keeps its own verdict: leave it out, or measure the thread by "
              "threadpitch run --measure")
+    if all(path.is_dir() for path in inputs):
+        refuse(context, _OF_LOG, "belongs to a log, not to a run; leave it out")
+    if measured is None:
+        refuse(context, ("ball_screw",), WITHOUT_MEASURED)
+    if thread is None:
+        refuse(context, OF_THREAD, WITHOUT_THREAD)
     choice = of_log.choice()
     signals = of_log.signals(target, latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
     designation = None if thread is None else parse_thread(thread)

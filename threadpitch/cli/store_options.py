@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from threadpitch.cli.options import refuse
 from threadpitch.store import ENVIRONMENT
 
 _WHERE = "a file like runs.db, or postgresql://user@host/name"
@@ -23,3 +24,14 @@ Note = Annotated[str, typer.Option("--note", metavar="TEXT", help="The operator'
 Publish = Annotated[list[str] | None, typer.Option(
     "--publish", metavar="URL", help="Bring values to an MQTT broker (mqtts://user@host/prefix) or be an OPC UA server "
                                      "(opc.tcp://127.0.0.1:4840); the run is kept in the store.")]
+
+
+def refuse_labels_of_nothing(context: typer.Context, *more: str) -> None:
+    """Labels where no run is kept.
+
+    Raises:
+        LatheError: one of them was given.
+    """
+    if context.params["store"] is None and not context.params["publish"]:
+        refuse(context, ("machine", "program_name", "serial", "note", *more),
+               "is kept with a run; give --store or --publish too, or leave it out")

@@ -15,7 +15,7 @@ from threadpitch.cli import store_options
 from threadpitch.cli.judging import Findings
 from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
 from threadpitch.cli.log_options import LogOptions, with_log_options
-from threadpitch.cli.options import AsJson, StartAngles, number, radians
+from threadpitch.cli.options import AsJson, StartAngles, number, radians, refuse
 from threadpitch.cli.printing import printing, remark
 from threadpitch.pitch import GroupStream, StreamedPitch, thread_pitch
 from threadpitch.runs import Labels
@@ -28,6 +28,7 @@ from threadpitch.units import from_si
 
 @with_log_options
 def watch(
+    context: typer.Context,
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Text log that still grows; - for standard input.")],
     of_log: LogOptions,
     target: Annotated[float | None, typer.Option(
@@ -46,6 +47,10 @@ def watch(
     as_json: AsJson = False,
 ) -> None:
     """Print each movement per revolution, with running minimum, maximum and mean, while the machine runs."""
+    if not of_log.synchronous and of_log.index_enable is None:
+        refuse(context, ("target",), "is of passes that are found; give --synchronous or --index-enable too, or leave "
+                                     "it out")
+    store_options.refuse_labels_of_nothing(context, "thread")
     choice, signals = of_log.choice(), of_log.signals(target)
     starts = radians(start_angle or [0.0])
     if idle is not None and idle < 0.0:
