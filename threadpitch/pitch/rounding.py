@@ -20,8 +20,8 @@ Quantization Noise (2008), chapters 4 and 5 (characteristic functions of the inp
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ _ORDERS = np.arange(1.0, HARMONICS + 1.0)
 _VARIANCES = 1.0 / (2.0 * np.pi**2 * _ORDERS**2)  # (HARMONICS,) counts2
 _REST = 1.0 / 12.0 - float(_VARIANCES.sum())  # of the higher ones, which the least scatter makes independent
 _WHOLE = 0.05  # of a count, by which steps may differ from whole counts
-_LOOKED_AT = 10_000  # samples, for the count
+LOOKED_AT = 10_000  # samples, for the count
 _TRIED = 100  # counts
 _FINER = 1000.0  # than the smallest count are steps told apart
 
@@ -44,8 +44,19 @@ _FINER = 1000.0  # than the smallest count are steps told apart
 class Rounding:
     """The variance by rounding of sums of samples, or of squares of what a fit leaves of them."""
 
+    NUMBERS: ClassVar = HARMONICS + 1
+
     together: FloatArray  # (..., HARMONICS) |sum of w_i exp(2 pi i k p_i)|^2
     apart: FloatArray  # (...) sum of w_i^2
+
+    @classmethod
+    def of_rows(cls, rows: FloatArray) -> Rounding:
+        """Of several sums, (sums, NUMBERS)."""
+        return cls(rows[:, 1:], rows[:, 0])
+
+    def row(self) -> FloatArray:
+        """Of one sum, (NUMBERS,)."""
+        return np.concatenate((self.apart[np.newaxis], self.together))
 
     def variance(self, scatter: FloatArray) -> FloatArray:
         """(...) counts2; ``scatter`` (...) is the variance of the phases, counts2."""
@@ -53,11 +64,6 @@ class Rounding:
         apart = self.apart[..., np.newaxis]
         of_harmonics: FloatArray = share * self.together + (1.0 - share) * apart
         return of_harmonics @ _VARIANCES + _REST * self.apart
-
-
-def stacked(roundings: Sequence[Rounding]) -> Rounding:
-    """Of several sums."""
-    return Rounding(np.array([one.together for one in roundings]), np.array([one.apart for one in roundings]))
 
 
 def of_sum(parts: FloatArray, terms: ComplexArray, apart: float) -> Rounding:
@@ -85,7 +91,7 @@ def waves(phases: FloatArray) -> ComplexArray:
 
 def count_of(values: FloatArray, smallest: float) -> float:
     """The count of rounded values: the largest of which all steps are multiples; 0 for none above ``smallest``."""
-    steps = np.abs(np.diff(values[:_LOOKED_AT]))
+    steps = np.abs(np.diff(values[:LOOKED_AT]))
     sizes = np.unique(np.rint(_FINER * steps / smallest)) * (smallest / _FINER)
     for count in np.unique(np.diff(sizes))[::-1][:_TRIED]:
         multiples = np.rint(steps / count)
