@@ -62,11 +62,12 @@ def log_with_truth(seed: int) -> SyntheticLog:
 
     def revolutions(instants: FloatArray) -> FloatArray:
         turns = instants / given.samples_per_turn
-        ramp: FloatArray = 0.5 * given.ramp * turns**2 / given.turns
-        return begin + turns + ramp + given.ripple * np.sin(TURN * order * turns + phase)
+        ripple: FloatArray = given.ripple * np.sin(TURN * order * turns + phase)
+        return begin + turns + 0.5 * given.ramp * turns**2 / given.turns + ripple
 
     def position(turns: FloatArray) -> FloatArray:
-        return LEAD * turns + 2e-6 * np.sin(TURN * 0.23 * turns + wave)
+        of_screw: FloatArray = 2e-6 * np.sin(TURN * 0.23 * turns + wave)
+        return LEAD * turns + of_screw
 
     instants = np.arange(given.turns * given.samples_per_turn)
     instants += given.jitter * np.sqrt(3.0) * random.uniform(-1.0, 1.0, instants.size)

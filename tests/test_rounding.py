@@ -40,7 +40,8 @@ def test_the_variances_are_those_of_rounded_values(step: float, scatter: float) 
 
 def test_errors_go_together_cancel_or_are_independent() -> None:
     parts = np.sqrt(SAMPLES) * np.array([1.0, 0.0, 0.0]) / SAMPLES  # the mean
-    means = [of_sum(parts, basis().T @ waves(step * np.arange(float(SAMPLES))), 1.0 / SAMPLES) for step in (7.0, 1.0 / 6.0)]
+    places = np.arange(float(SAMPLES))
+    means = [of_sum(parts, basis().T @ waves(step * places), 1.0 / SAMPLES) for step in (7.0, 1.0 / 6.0)]
     together, cancelled = stacked(means).variance(np.zeros(2))
     independent = stacked(means).variance(np.full(2, 4.0))
     assert together == pytest.approx(1.0 / 12.0, rel=0.06)  # the harmonics above HARMONICS are taken as independent

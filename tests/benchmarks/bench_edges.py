@@ -65,17 +65,17 @@ def share(outcomes: list[Outcome]) -> tuple[float, float]:
 def classes(conditions: Conditions) -> Iterator[tuple[str, float]]:
     """Name and value (of a range: where it begins) of all classes to which a log belongs."""
     yield "all", 0.0
-    yield "counts per turn", conditions.counts_per_turn
+    yield "counts per turn:", conditions.counts_per_turn
     yield "counts per sample, from", max(begin for begin in PER_SAMPLE if begin <= conditions.counts_per_sample)
     yield "samples per turn, from", max(begin for begin in PER_TURN if begin <= conditions.samples_per_turn)
-    yield "turns", conditions.turns
-    yield "jitter [samples]", conditions.jitter
-    yield "lateness [samples]", conditions.lateness
-    yield "ripple [turns]", conditions.ripple
-    yield "ramp of the speed", conditions.ramp
-    yield "noise [um]", 1e6 * conditions.noise
-    yield "position count [um]", 1e6 * conditions.position_count
-    yield "count given", conditions.count_given
+    yield "turns in the log:", conditions.turns
+    yield "jitter, samples:", conditions.jitter
+    yield "lateness, samples:", conditions.lateness
+    yield "ripple, turns:", conditions.ripple
+    yield "ramp of the speed, share:", conditions.ramp
+    yield "noise, um:", 1e6 * conditions.noise
+    yield "position count, um:", 1e6 * conditions.position_count
+    yield "count known (1) or found:", conditions.count_given
 
 
 def by_class(outcomes: list[Outcome]) -> dict[tuple[str, float], list[Outcome]]:
