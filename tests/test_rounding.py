@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from threadpitch.pitch.rounding import Rounding, count_of, of_rest, of_sum, stacked, waves
+from threadpitch.pitch.rounding import Rounding, count_of, of_rest, of_sum, waves
 from threadpitch.trace import FloatArray
 
 SAMPLES = 30
@@ -42,8 +42,9 @@ def test_errors_go_together_cancel_or_are_independent() -> None:
     parts = np.sqrt(SAMPLES) * np.array([1.0, 0.0, 0.0]) / SAMPLES  # the mean
     places = np.arange(float(SAMPLES))
     means = [of_sum(parts, basis().T @ waves(step * places), 1.0 / SAMPLES) for step in (7.0, 1.0 / 6.0)]
-    together, cancelled = stacked(means).variance(np.zeros(2))
-    independent = stacked(means).variance(np.full(2, 4.0))
+    both = Rounding.of_rows(np.array([mean.row() for mean in means]))
+    together, cancelled = both.variance(np.zeros(2))
+    independent = both.variance(np.full(2, 4.0))
     assert together == pytest.approx(1.0 / 12.0, rel=0.06)  # the harmonics above HARMONICS are taken as independent
     assert cancelled < 0.1 / 12.0
     np.testing.assert_allclose(independent, 1.0 / 12.0 / SAMPLES, rtol=1e-12)
