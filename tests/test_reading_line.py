@@ -18,7 +18,7 @@ from tests.test_cli_process import POSIX, process, read_until, terminal
 from tests.test_log_formats import TEXTS, TIME, WRITERS
 from threadpitch.cli import printing
 from threadpitch.pitch import pitch_tables, stream_pitches
-from threadpitch.trace import ColumnChoice, array_files, text_rows
+from threadpitch.trace import ColumnChoice, Signals, array_files, text_rows
 
 LONGEST_WAIT = 60.0  # s, for a process on a busy machine
 LOG = TEXTS["comments"]
@@ -138,3 +138,13 @@ def test_what_is_read_soon_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> Non
         line.read(1.0)
     assert screen.getvalue() == ""
     assert not line._waiting.is_alive()
+
+
+def test_a_log_that_is_read_twice_is_half_read_after_the_first_time(tmp_path: Path,
+                                                                    monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(array_files, "CHUNK", 100)
+    WRITERS["log.parquet"](tmp_path / "log.parquet")
+    shares: list[float] = []
+    stream_pitches(tmp_path / "log.parquet", ColumnChoice(), signals=Signals(synchronous=True), read=shares.append)
+    assert_all_is_read(shares)
+    assert 0.5 in shares

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
+from threadpitch.pitch.edges import EdgeStream
 from threadpitch.pitch.stored import Stored, grid, stored
 from threadpitch.pitch.stream import PitchStream
 from threadpitch.pitch.table import PitchTable
@@ -38,16 +39,19 @@ class StreamedPitch:
 class GroupStream:
     """A group of a log while its pieces come: what ``Trace`` checks of a whole group, and a ``PitchStream``."""
 
-    def __init__(self, group: Group, start_angles: ArrayLike | None, interval: float | None = None) -> None:
+    def __init__(self, group: Group, start_angles: ArrayLike | None, interval: float | None = None, *,
+                 edges: bool = False) -> None:
         self.group = group
         self._asked, self._interval = start_angles, interval
         self._factor = 1.0
         if interval is not None:
             start_angles, self._factor = grid(interval)
-        self._label = f"{group.source}, group {group.label!r}"
+        self._label = group.named
         limit = self._factor * reversal_limit(group.resolution)
         self.pitches = PitchStream(start_angles, limit=limit, label=self._label, source=group.source,
                                    margin=None if group.margin is None else self._factor * group.margin)
+        self._by_edges = edges
+        self._edges: EdgeStream | None = None  # from the first sample on
         self._time = -math.inf  # of the last sample
         self._began = math.nan  # time of the first sample
         self._ends = [math.nan, math.nan]  # first and last angle
@@ -63,20 +67,22 @@ class GroupStream:
             fault = time_fault(coming.time, self._time)
             if fault is not None:
                 sample, text = fault
-                place = f"{self.group.source}:{coming.lines[sample]}" if coming.lines is not None else (
-                    f"{self._label}: sample {self.pitches.size + sample}")
-                raise TraceError(f"{place}: {text}")
+                raise TraceError(f"{self.group.place(coming.lines, sample, self.pitches.size)}: {text}")
             self._began = self._began if self.pitches.size else float(coming.time[0])
             self._time = float(coming.time[-1])
         if coming.size:
-            ends = (float(coming.angle_values[place]) * coming.angle_factor for place in (0, -1))
-            first, last = ends
+            first, last = (float(coming.angle_values[place]) * coming.angle_factor for place in (0, -1))
             self._ends = [self._ends[0] if self.pitches.size else first, last]
         if self._factor == 1.0:
             self.pitches.add(coming.angle_values, coming.position_values, coming.lines,
                              factors=(coming.angle_factor, coming.position_factor))
         else:
             self.pitches.add(coming.angle * self._factor, coming.position, coming.lines)
+        if self._by_edges and coming.size:
+            if self._edges is None:
+                self._edges = EdgeStream(self.pitches.start_angles, self.pitches.turns_before, self.group.resolution,
+                                         self._label)
+            self._edges.add(coming.angle, coming.position)
 
     def check_unit(self) -> None:
         """Whether the angle may have its unit, by the samples so far.
@@ -108,26 +114,28 @@ class GroupStream:
             table = points.pitch_table((0.0,) if self._asked is None else self._asked)
             table = replace(table, notes=(*table.notes, *beginning))
         notes = tuple(note for note in (*self.group.all_notes(), *table.notes, table.standstill()) if note)
-        return StreamedPitch(self.group.label, replace(table, notes=notes), points, self._ends[0])
+        table = replace(table, notes=notes)
+        return StreamedPitch(self.group.label, table if self._edges is None else self._edges.table(table), points,
+                             self._ends[0])
 
 
 def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
-                   signals: Signals | None = None, *, interval: float | None = None,
+                   signals: Signals | None = None, *, interval: float | None = None, edges: bool = False,
                    told: Callable[[int], None] | None = None, read: Callable[[float], None] | None = None,
                    taken: Callable[[str, Samples], None] | None = None) -> list[StreamedPitch]:
     """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece,
     ``read`` what share of the log is read, 0 to 1, where that is known, ``taken`` gets the samples themselves with the
     label of its group.
 
-    With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``).
+    With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``); with ``edges``
+    crossings are those of ``edge_pitch_table``.
 
     Raises:
         TraceError: the log cannot be read (``read_groups``), or something is asked for that needs the whole.
         PitchError: a group has less than one whole turn.
     """
     if signals is not None and signals.needs_the_whole:
-        raise TraceError("latency, outliers, and synchronous motion without a lead need the whole log in memory; use "
-                         "pitch_tables")
+        raise TraceError("a latency that is to be estimated needs the whole log in memory; use pitch_tables")
     found: list[StreamedPitch] = []
     now: GroupStream | None = None
     with read_pieces(path, choice, signals, read=read) as pieces:
@@ -135,7 +143,7 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
             if now is None or now.group is not group:
                 if now is not None:
                     found.append(now.result())
-                now = GroupStream(group, start_angles, interval)
+                now = GroupStream(group, start_angles, interval, edges=edges)
             now.add(coming)
             if taken is not None:
                 taken(group.label, coming)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -15,14 +16,16 @@ from threadpitch.trace.array_files import array_format, array_log
 from threadpitch.trace.choice import Chosen, ColumnChoice
 from threadpitch.trace.conditioned import Samples
 from threadpitch.trace.csv_log import TextLog
-from threadpitch.trace.found_passes import found_passes, with_chief_lead
-from threadpitch.trace.groups import Group, grouped, traces
+from threadpitch.trace.found_passes import chief_leads, found_passes, with_chief_lead, with_leads
+from threadpitch.trace.groups import Group, grouped
 from threadpitch.trace.live import live_texts
+from threadpitch.trace.mended import mended
 from threadpitch.trace.passes import Piece
 from threadpitch.trace.recording import Trace
 from threadpitch.trace.scope_file import scope_log
 from threadpitch.trace.signals import Signals
 from threadpitch.trace.text_rows import STANDARD_INPUT, Place, texts_of
+from threadpitch.trace.wholes import traces
 
 
 class Log(Protocol):
@@ -78,15 +81,23 @@ def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None 
             for group, samples in pieces:
                 ...
 
-    The file is read by a second thread meanwhile. ``read`` hears what share of the log is read, 0 to 1, where that is
-    known.
+    The file is read by a second thread meanwhile. Where the lead of synchronous motion is to be found, a file is read
+    twice; of a pipe, or standard input, which can be read once only, all samples are kept then. ``read`` hears what
+    share of the log is read, 0 to 1, where that is known.
 
     Raises:
         TraceError: as ``read_groups``, but for what needs a whole group: the turning of the spindle.
     """
-    log = open_log(Path(path), choice)
+    path, signals = Path(path), signals or Signals()
+    log = open_log(path, choice)
+    led = with_chief_lead
+    if _seeks_lead(log.chosen, signals) and (path.is_file() or path.is_dir()):
+        with ReadAhead(log.pieces(), log.close) as pieces:
+            first = _Recorded.of(log, _sharing(log, pieces, _half(read, 0.0)), signals)
+            led = partial(with_leads, leads=chief_leads(first.grouped()))
+        log, read = open_log(path, choice), _half(read, 0.5)
     with ReadAhead(log.pieces(), log.close) as pieces:
-        yield _owned(_Recorded.of(log, _sharing(log, pieces, read), signals))
+        yield _owned(_Recorded.of(log, _sharing(log, pieces, read), signals), led)
 
 
 def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = None, *, idle: float = math.inf) \
@@ -120,8 +131,11 @@ def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None 
     """
     log = open_log(Path(path), choice)
     with ReadAhead(log.pieces(), log.close) as pieces:
-        recorded = _Recorded.of(log, _sharing(log, pieces, read), signals)
-        return list(traces(_owned(recorded, the_whole=True, told=told)))
+        recorded = _Recorded.of(log, _sharing(log, pieces, read), signals or Signals())
+        return list(traces(_owned(recorded, with_chief_lead, told)))
+
+
+_Owned = Iterator[tuple[Group, Samples]]
 
 
 @dataclass(frozen=True)
@@ -134,23 +148,37 @@ class _Recorded:
     signals: Signals
 
     @classmethod
-    def of(cls, log: Log, pieces: Iterator[Piece], signals: Signals | None) -> _Recorded:
+    def of(cls, log: Log, pieces: Iterator[Piece], signals: Signals) -> _Recorded:
         """With the unit of the angle, which the first pieces tell where nothing else does."""
-        signals = signals or Signals()
         coming, chosen = with_angle_unit(pieces, log.chosen, signals)
         return cls(log.source, chosen, coming, signals)
 
+    def grouped(self) -> _Owned:
+        """The samples with their group."""
+        return grouped(self.pieces, self.source, self.chosen, self.signals)
 
-def _owned(log: _Recorded, *, the_whole: bool = False, told: Callable[[int], None] | None = None) \
-        -> Iterator[tuple[Group, Samples]]:
-    """The samples of a log, with their group, or with the pass that is found by the motion of the feed."""
-    owned = _told(grouped(log.pieces, log.source, log.chosen, log.signals), told)
-    by_index = log.chosen.index_enable is not None
-    if not by_index and not log.signals.synchronous:
-        return owned
-    if the_whole and not by_index and log.signals.lead is None:
-        owned = with_chief_lead(owned)
-    return found_passes(owned)
+
+def _owned(log: _Recorded, led: Callable[[_Owned], _Owned] | None = None,
+           told: Callable[[int], None] | None = None) -> _Owned:
+    """The samples of a log, with their group, or with the pass that is found by the motion of the feed.
+
+    ``led`` gives the groups the lead of synchronous motion; without it, it is found so far as the samples have come.
+    """
+    owned = _told(log.grouped(), told)
+    if led is not None and _seeks_lead(log.chosen, log.signals):
+        owned = led(owned)
+    if log.chosen.index_enable is not None or log.signals.synchronous:
+        owned = found_passes(owned)
+    return mended(owned)
+
+
+def _seeks_lead(chosen: Chosen, signals: Signals) -> bool:
+    return signals.synchronous and signals.lead is None and chosen.index_enable is None
+
+
+def _half(read: Callable[[float], None] | None, begin: float) -> Callable[[float], None] | None:
+    """Of a log that is read twice."""
+    return None if read is None else lambda share: read(begin + 0.5 * share)
 
 
 def _sharing(log: Log, pieces: Iterator[Piece], read: Callable[[float], None] | None) -> Iterator[Piece]:
@@ -160,8 +188,7 @@ def _sharing(log: Log, pieces: Iterator[Piece], read: Callable[[float], None] | 
         yield piece
 
 
-def _told(owned: Iterator[tuple[Group, Samples]], told: Callable[[int], None] | None) \
-        -> Iterator[tuple[Group, Samples]]:
+def _told(owned: _Owned, told: Callable[[int], None] | None) -> _Owned:
     for group, samples in owned:
         if told is not None:
             told(samples.size)
