@@ -156,3 +156,15 @@ def test_counts_per_turn_alone_mean_counts(tmp_path: Path) -> None:
     (group,) = stream_pitches(path, ColumnChoice(counts_per_turn=4096.0))
     assert group.table.mean[0] == pytest.approx(1.5e-3, abs=1e-6)
     assert not any(note.startswith("angle: ") for note in group.table.notes)
+
+
+@pytest.mark.parametrize("speed", [100.0, 200.0, 300.0, 510.0])
+@pytest.mark.parametrize("named", ["time,Spindelwinkel,z", "n,Spindelwinkel,z"])
+def test_continuous_degrees_are_not_taken_for_turns_that_wrap_in_every_sample(tmp_path: Path, named: str,
+                                                                              speed: float) -> None:
+    """In rev the spindle would turn by 0.6 to 3 turns in a sample: in pieces as in the whole."""
+    revs = speed / 60.0 * TIME + 1e-3 * np.sin(9.0 * TIME)
+    path = write(tmp_path / "log.csv", 360.0 * revs, named, revs)
+    for way in (pitch_tables, stream_pitches):
+        with pytest.raises(TraceError, match="turns in .*; is the unit of the angle really rev"):
+            way(path, ColumnChoice())

@@ -174,3 +174,15 @@ def test_a_pipe_into_which_nobody_writes_is_left_at_once(sent: signal.Signals) -
             analyzing.kill()
         assert analyzing.stderr is not None
         assert analyzing.stderr.read() == b"threadpitch: interrupted\n"
+
+
+@POSIX
+@pytest.mark.parametrize(("closed", "said"), [(">&-", b"standard output is closed"),
+                                              ("<&-", b"standard input is closed")])
+def test_a_closed_stream_is_told_in_a_line(closed: str, said: bytes) -> None:
+    command = f"exec {sys.executable} -m threadpitch analyze - {closed}"
+    ran = subprocess.run(["/bin/sh", "-c", command], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL,
+                         stdin=subprocess.DEVNULL, env=os.environ | {"PYTHONPATH": str(ROOT)}, timeout=LONGEST_WAIT)
+    assert ran.returncode == 2
+    assert said in ran.stderr
+    assert ran.stderr.count(b"\n") == 1

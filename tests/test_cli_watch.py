@@ -141,3 +141,14 @@ def test_a_packed_file_cannot_be_watched(tmp_path: Path, threadpitch: Command) -
     outcome = threadpitch("watch", tmp_path / "log.csv.gz", "--idle", "0.1")
     assert outcome.status == 2
     assert_one_line(outcome.err, "is packed by gzip, which cannot be read while it is written")
+
+
+@pytest.mark.parametrize(("damage", "said"), [("0,\0,0,1", "a zero byte"), ("1" * 70000, "a line of more than")])
+def test_a_line_that_is_no_row_is_named_wherever_it_stands(tmp_path: Path, threadpitch: Command, damage: str,
+                                                           said: str) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join([HEADER, *map(row, range(100)), damage, *map(row, range(101, 300)), ""]))
+    status, _, error = threadpitch("watch", str(log), "--idle", "0.1")
+    assert status == 2
+    assert f":102: {said}" in error
+    assert_one_line(error)

@@ -112,3 +112,9 @@ def test_units_in_the_letters_of_older_windows_are_known(tmp_path: Path) -> None
     (group,) = pitch_tables(path, ColumnChoice())
     (wanted,) = pitch_tables(german(tmp_path / "utf8.csv", with_error=True), ColumnChoice())
     np.testing.assert_array_equal(group.table.pitch, wanted.table.pitch)
+
+
+@pytest.mark.parametrize("group", ["angle [deg]", "z [mm]"])
+def test_passes_by_the_column_of_a_signal_are_refused(group: str) -> None:
+    with pytest.raises(TraceError, match=r"log:1: the group is column .*, which is the angle or the position; name"):
+        choose("log:1", ["angle [deg]", "z [mm]", "pass"], ColumnChoice(group=group))

@@ -193,3 +193,14 @@ def test_degrees_that_begin_below_zero_are_wrapped_degrees(tmp_path: Path) -> No
     path = write(tmp_path / "log.csv", a_deg=(360.0 * turns + 5.0) % 360.0 - 6.0, z_mm=LEAD * turns)
     (group,) = pitch_tables(path, ColumnChoice("a_deg", "z_mm"))
     np.testing.assert_allclose(group.table.pitch[0, 1:], 1e-3 * LEAD, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("rows", [500, 14000])
+def test_what_is_told_of_a_pass_does_not_depend_on_how_far_is_read_ahead(tmp_path: Path, rows: int) -> None:
+    pq, pa = pytest.importorskip("pyarrow.parquet"), pytest.importorskip("pyarrow")
+    columns = cycle()
+    table = pa.table({"time_s": TIME, "angle_deg": 360.0 * columns["revs"] % 360.0, "z_mm": columns["z_mm"]})
+    pq.write_table(table, tmp_path / "log.parquet", row_group_size=rows)
+    found = stream_pitches(tmp_path / "log.parquet", ColumnChoice(), signals=Signals(synchronous=True))
+    assert len(found) == PASSES
+    assert all("the angle wraps at 360: made continuous" in one.table.notes for one in found)

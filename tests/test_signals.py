@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from threadpitch.pitch import pitch_tables, stream_pitches, thread_pitch
 from threadpitch.trace import TURN, ColumnChoice, FloatArray, Signals, TraceError, text_rows
 from threadpitch.trace.conditioned import Samples
-from threadpitch.trace.signals import Continuous
+from threadpitch.trace.signals import Continuous, estimated_latency
 from threadpitch.trace.standing import Standing
 
 TIME: FloatArray = 1e-3 * np.arange(3000.0)
@@ -112,6 +112,23 @@ def test_a_latency_is_taken_away_and_can_be_estimated(tmp_path: Path) -> None:
     without = write(tmp_path / "without.csv", revs=REVS, z_mm=Z)
     with pytest.raises(TraceError, match="a latency needs the time of the samples"):
         read(without, choice, Signals(latency=0.001))
+
+
+@pytest.mark.parametrize(("ripple", "turns"), [(0.005, 40.0), (0.02, 40.0), (0.02, 6.0)])
+def test_a_latency_is_estimated_without_a_bias(ripple: float, turns: float) -> None:
+    """Averaging must not weaken a ripple faster than the spindle, in a long recording no more than in a short one."""
+    time = np.arange(0.0, turns / 5.0, 2e-4)
+    revs = 5.0 * time + ripple * np.sin(44.0 * time)
+    late = np.interp(time - 0.003, time, 1.5e-3 * revs)
+    for angle in (revs, np.floor(4096.0 * revs) / 4096.0):
+        assert abs(estimated_latency(time, TURN * angle, late) - 0.003) < 3e-5
+
+
+def test_a_quantised_angle_at_even_speed_tells_no_latency() -> None:
+    time = np.arange(0.0, 8.0, 2e-4)
+    revs = 5.0 * time
+    with pytest.raises(TraceError, match="the spindle's speed does not vary"):
+        estimated_latency(time, TURN * np.floor(4096.0 * revs) / 4096.0, 1.5e-3 * (revs - 0.015))
 
 
 @pytest.mark.parametrize("late", [3, -3])

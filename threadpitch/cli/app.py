@@ -78,9 +78,12 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # file names may hold what the terminal's encoding does not
-    status = invoke(sys.argv[1:] if arguments is None else arguments)
+    if sys.stdout is None:
+        status = complain("standard output is closed; send it to a file, or to nowhere (> /dev/null)")
+    else:
+        status = invoke(sys.argv[1:] if arguments is None else arguments)
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.suppress(OSError, ValueError, AttributeError):  # no attribute: the stream is closed
             stream.flush()
     # Without the destructors of loaded libraries: PythonFMU's, which glibc keeps, touches memory that is already freed.
     os._exit(status)

@@ -90,7 +90,7 @@ class GroupStream:
         Raises:
             TraceError: more turns than samples; of an assumed unit more than can be in a sample, or in the time.
         """
-        turns = (self._ends[1] - self._ends[0]) / TURN
+        turns = max((self._ends[1] - self._ends[0]) / TURN, self.group.went_round)
         seconds = 0.0 if math.isnan(self._began) else self._time - self._began
         if doubt := self.group.chosen.angle_unit_doubt(turns, self.pitches.size, seconds):
             raise TraceError(f"{self._label}: {doubt}")

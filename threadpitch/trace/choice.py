@@ -202,6 +202,9 @@ def choose(place: str, header: Sequence[str], choice: ColumnChoice, stated: Sequ
     guess = choice.angle is None or choice.position is None
     if guess and choice.group is None and choice.index_enable is None:
         named["group"] = _guess_group(names)
+    if named["group"] in (angle, position):
+        raise TraceError(f"{place}: the group is column {brief(names[named['group']])}, which is the angle or the "
+                         "position; name another one")
     known = choice.angle_unit or (told[angle] if told[angle] in _ANGLES else usual_angle)
     known = known or ("count" if choice.counts_per_turn is not None else "")
     angle_unit = "count" if choice.angle_b is not None else known or "rev"

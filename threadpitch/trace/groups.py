@@ -60,6 +60,16 @@ class Group:
         return self.chosen.angle_factor if self.chosen.angle_unit == "count" else 0.0
 
     @property
+    def went_round(self) -> float:
+        """Turns that were added to a wrapped angle; 0 for passes by motion, which lie somewhere in the recording.
+
+        Where they are nearly as many as the samples, the angle is no wrapped one, but one in another unit.
+        """
+        if self._found_by_motion or not self._angle.period:
+            return 0.0
+        return self._angle.went_round * self._angle.period * self.chosen.angle_factor / TURN
+
+    @property
     def named(self) -> str:
         """What to call it in a message."""
         return f"{self.source}, group {self.label!r}"
@@ -122,8 +132,9 @@ class Group:
 
     def _notes(self) -> tuple[str, ...]:
         levels = "" if self._levels is None else self._levels.note()
-        found = [*self.chosen.notes, *self.signals.notes(self.chosen), levels, self._angle.note(),
-                 self._position.note(), *self._clock.notes()]
+        counted = not self._found_by_motion  # else more may be read than the pass, by as much as a piece holds
+        found = [*self.chosen.notes, *self.signals.notes(self.chosen), levels, self._angle.note(counted),
+                 self._position.note(counted), *self._clock.notes()]
         if self._sign < 0.0:
             found.append("the angle counts down: turned around, so that it counts up in the turning direction")
         if not self._found_by_motion:

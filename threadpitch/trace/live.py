@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from threadpitch.trace.recording import TraceError
-from threadpitch.trace.text_rows import GZIP, LONGEST_LINE, STANDARD_INPUT
+from threadpitch.trace.text_rows import CLOSED_INPUT, GZIP, LONGEST_LINE, STANDARD_INPUT
 
 _POLL = 0.002  # s, between two looks at a file that did not grow
 _BYTES = 1 << 16  # that are read at once
@@ -32,12 +32,9 @@ def live_texts(path: Path, idle: float) -> Generator[str]:
             raise TraceError(f"{path}: is packed by gzip, which cannot be read while it is written; analyze it")
         text = rest + decoder.decode(data)
         *lines, rest = text.split("\n")
+        if len(text) >= LONGEST_LINE or "\0" in text:
+            _refuse_what_is_no_row(path, count + 1, [*lines, rest])
         count += len(lines)
-        if len(rest) >= LONGEST_LINE or any(len(line) >= LONGEST_LINE for line in lines):
-            raise TraceError(f"{path}:{count + 1}: a line of more than {LONGEST_LINE} characters; give a text log with "
-                             "one row per sample")
-        if "\0" in text:
-            raise TraceError(f"{path}:{count + 1}: a zero byte in the text; is this a text log?")
         lines = [line.rstrip("\r") for line in lines]
         if count < _HEAD:
             waiting += lines
@@ -49,10 +46,21 @@ def live_texts(path: Path, idle: float) -> Generator[str]:
         yield "\n".join([*waiting, rest])
 
 
+def _refuse_what_is_no_row(path: Path, first: int, lines: list[str]) -> None:
+    for number, line in enumerate(lines, start=first):
+        if len(line) >= LONGEST_LINE:
+            raise TraceError(f"{path}:{number}: a line of more than {LONGEST_LINE} characters; give a text log with "
+                             "one row per sample")
+        if "\0" in line:
+            raise TraceError(f"{path}:{number}: a zero byte in the text; is this a text log?")
+
+
 def _bytes_of(path: Path, idle: float) -> Iterator[bytes]:
     """Bytes as they come, never empty."""
     with ExitStack() as stack:
         growing = str(path) != STANDARD_INPUT
+        if not growing and sys.stdin is None:
+            raise TraceError(CLOSED_INPUT)
         try:
             file = stack.enter_context(open(path, "rb", buffering=0)).fileno() if growing else sys.stdin.fileno()
         except FileNotFoundError:

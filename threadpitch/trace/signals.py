@@ -19,6 +19,9 @@ _COUNTERS = tuple(2.0**bits for bits in range(12, 33))  # counts, of encoders wh
 _LEAST_JUMP = 0.5  # of a period; a signal that moves further in a sample cannot be made continuous
 _USUAL = 1000  # samples by which the usual interval of time is told
 _GAP, _LEAST = 1.5, 1e-6  # usual intervals
+_WINDOW = 0.25  # turns at most, over which signals are averaged where the latency is estimated
+_CERTAIN = 5.0  # standard deviations by which both speeds must vary alike, window by window
+_USUAL_FEED = 5.0  # median deviations of the feed's speed, beyond which it sets off or stops
 _BEFORE = 50  # samples before a gap by which the speed is told
 
 
@@ -122,11 +125,17 @@ class Continuous:
         self._offset = float(offsets[-1])
         return values + self.period * offsets
 
-    def note(self) -> str:
-        """What was done; empty for nothing."""
+    @property
+    def went_round(self) -> float:
+        """Periods that were added, in either direction."""
+        return abs(self._offset)
+
+    def note(self, counted: bool = True) -> str:
+        """What was done, with the number of wraps so far; empty for nothing."""
         if not self.wraps or self.period is None:
             return ""
-        return f"the {self.name} wraps at {self.period:.12g}: made continuous over {self.wraps} wraps"
+        return (f"the {self.name} wraps at {self.period:.12g}: made continuous"
+                + (f" over {self.wraps} wraps" if counted else ""))
 
     def _find(self, jump: float) -> None:
         """A period is that of a wrapped signal when no two values up to the first jump are farther apart."""
@@ -252,19 +261,43 @@ def without_outliers(position: FloatArray, limit: float) -> tuple[FloatArray, In
 
 
 def estimated_latency(time: FloatArray, angle: FloatArray, position: FloatArray) -> float:
-    """tau of ``xi(t) = a + b theta(t - tau)``, s, by least squares on 1, theta and the spindle's speed.
+    """tau of ``xi(t) = a + b theta(t - tau)``, s, by least squares out of ``xi = a + b theta - b tau d theta/dt``.
 
-    A feed that follows its command late looks the same: tau holds both.
+    All are averaged over the same window, which leaves the equation true; what is left of tau, which moves the position
+    by more than the first order, is found once more. A feed that follows its command late looks the same: tau holds
+    both.
 
     Raises:
         TraceError: the spindle's speed does not vary enough to tell.
     """
-    speed = np.gradient(angle, time)
-    width = max(3, angle.size // 200)
-    smooth = np.convolve(speed, np.ones(width) / width, mode="valid")
-    inner = slice(width // 2, width // 2 + smooth.size)
-    if smooth.std() < 1e-4 * abs(smooth.mean()):
+    turns = abs(angle[-1] - angle[0]) / TURN
+    width = max(3, int(min(angle.size / 200, _WINDOW * angle.size / max(turns, 1.0))))
+    window = np.ones(width) / width
+    theta, xi, speed, feed = (np.convolve(values, window, mode="valid") for values in (
+        angle - angle[0], position - position[0], np.gradient(angle, time), np.gradient(position, time)))
+    if speed.std() < 1e-4 * abs(speed.mean()) or not _vary_alike(speed, feed, width):
         raise TraceError("the latency cannot be estimated: the spindle's speed does not vary; give it as a number")
-    matrix = np.column_stack([np.ones(smooth.size), angle[inner] - angle[0], smooth - smooth.mean()])
-    (_, per_angle, per_speed), *_ = np.linalg.lstsq(matrix, position[inner] - position[0], rcond=None)
+    first = _late(theta, speed, xi)
+    instants = time[width // 2 : width // 2 + xi.size]
+    there = (instants + first >= instants[0]) & (instants + first <= instants[-1])
+    if there.sum() < xi.size // 2:
+        return first
+    return first + _late(theta[there], speed[there], np.interp(instants[there] + first, instants, xi))
+
+
+def _late(theta: FloatArray, speed: FloatArray, xi: FloatArray) -> float:
+    matrix = np.column_stack([np.ones(theta.size), theta, speed - speed.mean()])
+    (_, per_angle, per_speed), *_ = np.linalg.lstsq(matrix, xi, rcond=None)
     return float(-per_speed / per_angle) if per_angle != 0.0 else 0.0
+
+
+def _vary_alike(speed: FloatArray, feed: FloatArray, width: int) -> bool:
+    """Whether two speeds (samples,), averaged over so many samples, vary together: what is only the noise of a
+    quantised angle, the feed does not show. Where the feed sets off or stops is left out.
+    """
+    beside = np.abs(feed - np.median(feed))
+    usual = beside <= _USUAL_FEED * np.median(beside)
+    if usual.sum() < 2 or feed[usual].std() == 0.0:
+        return False
+    both = float(np.corrcoef(speed[usual], feed[usual])[0, 1])
+    return both**2 * usual.sum() / width > _CERTAIN**2

@@ -21,6 +21,7 @@ from threadpitch.trace.recording import TraceError
 from threadpitch.trace.text_head import Head, find_head
 
 STANDARD_INPUT = "-"  # as a file's name
+CLOSED_INPUT = "-: standard input is closed; give a log by a pipe, or the name of its file"
 BLOCK = 1 << 22  # characters that are read at once
 _LOOKED_AT = 1 << 16  # bytes by which the encoding is told
 LONGEST_LINE = 1 << 16  # characters; a row of numbers is far shorter
@@ -118,6 +119,8 @@ def _opened(path: Path, place: Place) -> Iterator[TextIO]:
 def _bytes_of(path: Path, place: Place) -> Iterator[io.BufferedReader]:
     """The bytes of a file, which may be a pipe: nothing of it is read twice."""
     if str(path) == STANDARD_INPUT:
+        if sys.stdin is None:
+            raise TraceError(CLOSED_INPUT)
         yield io.BufferedReader(_Filled(sys.stdin.buffer), _LOOKED_AT)
         return
     with open(path, "rb") as file:
@@ -221,10 +224,15 @@ def split(text: Text, head: Head, source: str) -> Block:
         lines.pop()
     reader = csv.reader(head.plain(lines), delimiter=head.separator)
     rows: list[list[str]] = []
-    for number, row in enumerate(reader, start=1):
-        if reader.line_num != number:
-            raise TraceError(f"{source}:{text.before + number}: a quoted text is not closed in its line; close it")
-        rows.append(row)
+    try:
+        for row in reader:
+            rows.append(row)
+            if reader.line_num != len(rows):
+                break
+    except csv.Error:  # a field that is longer than the library allows: quoted over many lines
+        rows.append([])
+    if reader.line_num != len(rows):
+        raise TraceError(f"{source}:{text.before + len(rows)}: a quoted text is not closed in its line; close it")
     width = len(head.names)
     if all(len(row) == width for row in rows):
         return Block(list(range(text.before + 1, text.before + 1 + len(rows))), rows)

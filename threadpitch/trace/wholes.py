@@ -33,7 +33,7 @@ def traces(owned: Iterable[tuple[Group, Samples]]) -> Iterator[Trace]:
 
 def _finished(group: Group, whole: Samples) -> Trace:
     trace = _trace(group, whole)
-    turns = (trace.angle[-1] - trace.angle[0]) / TURN
+    turns = max((trace.angle[-1] - trace.angle[0]) / TURN, group.went_round)
     seconds = 0.0 if trace.time is None else float(trace.time[-1] - trace.time[0])
     if doubt := group.chosen.angle_unit_doubt(turns, trace.angle.size, seconds):
         raise TraceError(f"{trace.whole()}: {doubt}")
