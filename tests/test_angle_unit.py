@@ -166,5 +166,5 @@ def test_continuous_degrees_are_not_taken_for_turns_that_wrap_in_every_sample(tm
     revs = speed / 60.0 * TIME + 1e-3 * np.sin(9.0 * TIME)
     path = write(tmp_path / "log.csv", 360.0 * revs, named, revs)
     for way in (pitch_tables, stream_pitches):
-        with pytest.raises(TraceError, match="turns in .*; is the unit of the angle really rev"):
+        with pytest.raises(TraceError, match=r"turns in .*; is the unit of the angle really rev"):
             way(path, ColumnChoice())

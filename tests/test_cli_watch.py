@@ -150,5 +150,4 @@ def test_a_line_that_is_no_row_is_named_wherever_it_stands(tmp_path: Path, threa
     log.write_text("\n".join([HEADER, *map(row, range(100)), damage, *map(row, range(101, 300)), ""]))
     status, _, error = threadpitch("watch", str(log), "--idle", "0.1")
     assert status == 2
-    assert f":102: {said}" in error
-    assert_one_line(error)
+    assert_one_line(error, f":102: {said}")

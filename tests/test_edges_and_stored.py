@@ -105,3 +105,19 @@ def test_stored_positions_give_the_pitches_of_the_whole(seed: int, interval: flo
 def test_intervals_that_make_no_sense_are_refused(interval: float) -> None:
     with pytest.raises(PitchError, match=r"the sample interval is .* degrees; give 0\.01 to 360"):
         grid(math.radians(interval))
+
+
+def test_where_the_feed_sets_off_the_uncertainty_holds_what_a_parabola_misses() -> None:
+    """And only there: the noise of the others stays what it is."""
+    random = np.random.default_rng(5)
+    revs = np.arange(-0.2, 8.0, 1.0 / 400.0)
+    still = np.clip(revs, 0.0, None)
+    noise = 1e-7 * random.standard_normal(revs.size)
+    table = edge_pitch_table(Trace(TURN * revs, 1.5e-3 * still + noise))
+    even = edge_pitch_table(Trace(TURN * revs, 1.5e-3 * revs + noise))
+    assert table.uncertainty is not None
+    assert even.uncertainty is not None
+    errors = np.abs(table.pitch[0] - 1.5e-3)
+    assert errors[0] > 5e-6
+    assert np.all(errors < 3.0 * table.uncertainty[0])
+    np.testing.assert_allclose(table.uncertainty[0, 1:], even.uncertainty[0, 1:], rtol=0.2)

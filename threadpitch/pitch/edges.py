@@ -16,6 +16,8 @@ in R are those of the smooth motion, a cubic in time; their scatter is the jitte
 with the noise. Both are found from the whole recording, so that what rounding explains and they add up to what is
 seen: the jitter from the residuals of the cubics, the noise s^2 from those of the fits above, divided by the degrees
 of freedom less 2 (the variance of Student's t).
+A crossing whose residuals are far greater than is usual lies where the feed sets off or stops, in the middle of its
+window: there u holds what a parabola misses at a corner, and its residuals tell nothing of the noise of the others.
 The windows of two crossings of a start angle have no sample in common.
 """
 
@@ -40,6 +42,8 @@ _EDGES_BELOW = 0.7  # counts per sample, from which on edges tell less than samp
 _SMALLEST_ANGLE = 1e-5  # rad, of a count that matters
 _SMALLEST_MOVEMENT = 1e-9  # m, likewise
 _ANY_ANGLE, _ANY_MOVEMENT = 1e-9, 1e-14  # rad and m, counts of what is not rounded: too small to matter
+_UNUSUAL = 20.0  # medians of the mean square of the residuals: the feed's error is no parabola there
+_KINK = 2.6  # of the parabola through |x|, -1..1: error at the corner, 3/16, by the rms of its residuals, 0.072
 _SINGULAR = 1e-9  # of the largest, a diagonal element of a fit without a solution
 
 
@@ -267,13 +271,17 @@ def _variances(rows: FloatArray, counts: _Counts) -> FloatArray:
         float(each("scatter").sum()), float(each("scatter_freedom").sum()),
         lambda variance: float(lasts**2 @ angle_scatter.variance(variance / lasts**2)))
     phases = jitter / lasts**2
-    by_angle = float(per_angle @ angle_left.variance(phases))
-    freedom = each("freedom").sum()
+    rest = each("squares") / each("freedom")  # m2
+    rounded = per_angle * angle_left.variance(phases) + per_position * position_left.variance(
+        jitter * step**2 / per_position)
+    usual = rest <= _UNUSUAL * (np.median(rest) + rounded / each("freedom"))
+    by_angle = float(per_angle[usual] @ angle_left.variance(phases)[usual])
+    freedom = each("freedom")[usual].sum()
     noise = _explaining(  # m2
-        float(each("squares").sum() * freedom / (freedom - 2.0)), float(each("noise_left").sum()),
+        float(each("squares")[usual].sum() * freedom / (freedom - 2.0)), float(each("noise_left")[usual].sum()),
         lambda variance: by_angle + per_position * float(
-            position_left.variance((variance + jitter * step**2) / per_position).sum()))
-    variances: FloatArray = (
+            position_left.variance((variance + jitter * step**2) / per_position)[usual].sum()))
+    variances: FloatArray = np.where(usual, 0.0, _KINK**2 * rest) + (
         noise * each("weight") + per_angle * rounding("by_angle").variance(phases)
         + per_position * rounding("by_position").variance((noise + jitter * step**2) / per_position))
     return variances

@@ -300,4 +300,4 @@ def _vary_alike(speed: FloatArray, feed: FloatArray, width: int) -> bool:
     if usual.sum() < 2 or feed[usual].std() == 0.0:
         return False
     both = float(np.corrcoef(speed[usual], feed[usual])[0, 1])
-    return both**2 * usual.sum() / width > _CERTAIN**2
+    return both**2 * int(usual.sum()) / width > _CERTAIN**2
