@@ -10,9 +10,9 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from threadpitch.cli import log_options
 from threadpitch.cli.analyze import CROSSINGS
-from threadpitch.cli.log_options import LogOptions
+from threadpitch.cli.log_options import Latency, LogOptions, Outlier
+from threadpitch.cli.option_records import with_option_records
 from threadpitch.cli.options import StartAngles, number, radians
 from threadpitch.cli.printing import counting, fail, printing
 from threadpitch.judgement.measured_file import read_measured
@@ -33,7 +33,7 @@ from threadpitch.units import to_si
 _NAMED = 3  # threads in a title
 
 
-@log_options.with_log_options
+@with_option_records
 def report(
     inputs: Annotated[list[Path], typer.Argument(
         metavar="RESULT|LOG|STUDY ...",
@@ -47,12 +47,8 @@ def report(
     chosen: Annotated[str | None, typer.Option(
         "--pass", metavar="NAME|all", help="Pass of a run or group of a log.",
         show_default="what makes the final flank, the last group")] = None,
-    latency: Annotated[float, typer.Option(
-        metavar="MS|estimate", parser=log_options.latency,
-        help="The position was recorded so many ms later than the angle.")] = 0.0,
-    outlier: Annotated[float | None, typer.Option(
-        metavar="MM", parser=number,
-        help="Put single positions that stick out by more than this between their neighbours.")] = None,
+    latency: Latency = 0.0,
+    outlier: Outlier = None,
     crossing: Annotated[str, typer.Option(
         metavar="linear|edges", help="How xi at a crossing is found, as for analyze.")] = "linear",
     start_angle: StartAngles = None,
