@@ -260,10 +260,12 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
     return Simulation(result, flavor)
 
 
-def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: Progress | None = None) -> Simulation:
+def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: Progress | None = None,
+           turned: Callable[[list[LiveTurn]], None] | None = None) -> Simulation:
     """Go on with a simulation from the checkpoint that it wrote, to the same bits as if it had never ended.
 
-    ``stop_time`` may be later than that of the simulation.
+    ``stop_time`` may be later than that of the simulation. ``turned`` hears of revolutions as with ``simulate``, of
+    those before the checkpoint too.
 
     Raises:
         cosim.CosimError: the file is no checkpoint, the system or its FMUs have changed, or a component fails.
@@ -272,7 +274,9 @@ def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: 
     flavor = choose_flavor(metadata["about"].get("flavor"))
     with cosim.read_system(metadata["system"] or "", locate=functools.partial(locate_fmu, flavor),
                            replace=metadata["about"].get("replace")) as structure:
-        result = cosim.resume(checkpoint, system=structure, stop_time=stop_time, progress=progress)
+        with cosim.prepare(structure) as plan:
+            look = None if turned is None else LiveTurns(Roles.of(plan).calculators, turned)
+        result = cosim.resume(checkpoint, system=structure, stop_time=stop_time, progress=progress, look=look)
     return Simulation(result, flavor)
 
 

@@ -32,7 +32,7 @@ SEVERAL = {
 
 STORE = "--store"
 # What may follow --store; anything else is the next argument, as in `threadpitch run --store models/threading_lathe`
-KEEPERS = ("run", "analyze", "watch", "study")  # whose --store may stand alone; elsewhere it names the store
+KEEPERS = ("run", "resume", "analyze", "watch", "study")  # whose --store may stand alone; elsewhere it names the store
 ADDRESS = r"default|[a-z+]+://.*|[^-].*\.(db|sqlite3?)"
 
 
