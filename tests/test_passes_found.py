@@ -74,8 +74,8 @@ def test_a_lead_that_is_nowhere_and_a_column_that_never_falls_are_refused(tmp_pa
                     "by the index enable or by a group, not by both")
     still = write(tmp_path / "still.csv", revs=columns["revs"], z_mm=0.0 * TIME)
     assert_one_line(threadpitch("analyze", still, "--synchronous").err, "no synchronous motion of the feed")
-    with pytest.raises(TraceError, match="need the whole log in memory"):
-        stream_pitches(path, ColumnChoice(), (0.0,), Signals(synchronous=True))
+    with pytest.raises(TraceError, match="needs the whole log in memory"):
+        stream_pitches(path, ColumnChoice(), (0.0,), Signals(latency=math.nan))
 
 
 def linuxcnc(name: str, choice: ColumnChoice, signals: Signals | None = None) -> list[GroupPitch]:

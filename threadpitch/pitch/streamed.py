@@ -44,7 +44,7 @@ class GroupStream:
         self._factor = 1.0
         if interval is not None:
             start_angles, self._factor = grid(interval)
-        self._label = f"{group.source}, group {group.label!r}"
+        self._label = group.named
         limit = self._factor * reversal_limit(group.resolution)
         self.pitches = PitchStream(start_angles, limit=limit, label=self._label, source=group.source,
                                    margin=None if group.margin is None else self._factor * group.margin)
@@ -62,13 +62,10 @@ class GroupStream:
             fault = time_fault(coming.time, self._time)
             if fault is not None:
                 sample, text = fault
-                place = f"{self.group.source}:{coming.lines[sample]}" if coming.lines is not None else (
-                    f"{self._label}: sample {self.pitches.size + sample}")
-                raise TraceError(f"{place}: {text}")
+                raise TraceError(f"{self.group.place(coming.lines, sample, self.pitches.size)}: {text}")
             self._time = float(coming.time[-1])
         if coming.size:
-            ends = (float(coming.angle_values[place]) * coming.angle_factor for place in (0, -1))
-            first, last = ends
+            first, last = (float(coming.angle_values[place]) * coming.angle_factor for place in (0, -1))
             self._ends = [self._ends[0] if self.pitches.size else first, last]
         if self._factor == 1.0:
             self.pitches.add(coming.angle_values, coming.position_values, coming.lines,
@@ -115,8 +112,7 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
         PitchError: a group has less than one whole turn.
     """
     if signals is not None and signals.needs_the_whole:
-        raise TraceError("latency, outliers, and synchronous motion without a lead need the whole log in memory; use "
-                         "pitch_tables")
+        raise TraceError("a latency that is to be estimated needs the whole log in memory; use pitch_tables")
     found: list[StreamedPitch] = []
     now: GroupStream | None = None
     with read_pieces(path, choice, signals) as pieces:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from threadpitch.trace.conditioned import Samples, joined
 from threadpitch.trace.groups import Group, first_step
 from threadpitch.trace.recording import TraceError
-from threadpitch.trace.synchronous import LEAST_TURNS, Part, Synchronism, chief_lead
+from threadpitch.trace.synchronous import LEAST_TURNS, Part, Synchronism
 
 _MANY = 1024  # pieces that are made one: a recording that grows comes row by row
 
@@ -43,20 +43,36 @@ def found_passes(owned: Iterable[Owned]) -> Iterator[Owned]:
 
 
 def with_chief_lead(owned: Iterable[Owned]) -> Iterator[Owned]:
-    """The same pieces, once the lead of each group is known: that in which the spindle makes most turns."""
-    whole: list[Owned] = []
+    """The same samples, once the lead of each group is known: that in which the spindle makes most turns."""
+    whole = list(owned)
+    yield from with_leads(whole, chief_leads(whole))
+
+
+def chief_leads(owned: Iterable[Owned]) -> list[float | None]:
+    """The movement per turn in which the spindle makes most turns in each group, m, signed; None where there is none.
+
+    Nothing of the samples is kept.
+    """
+    now: Group | None = None
+    motions: list[Synchronism] = []
     for group, samples in owned:
-        if whole and whole[-1][0] is not group:
-            yield from _led(whole)
-            whole = []
-        whole.append((group, samples))
-    yield from _led(whole)
+        if group is not now:
+            now = group
+            motions.append(Synchronism())
+        motions[-1].add(samples.angle, samples.position)
+    for motion in motions:
+        motion.end()
+    return [motion.chief() for motion in motions]
 
 
-def _led(whole: list[Owned]) -> list[Owned]:
-    if whole:
-        whole[0][0].lead = chief_lead([(samples.angle, samples.position) for _, samples in whole])
-    return whole
+def with_leads(owned: Iterable[Owned], leads: Sequence[float | None]) -> Iterator[Owned]:
+    """The same samples; the groups know their leads, which are given in their order."""
+    now: Group | None = None
+    coming = iter(leads)
+    for group, samples in owned:
+        if group is not now:
+            now, group.lead = group, next(coming, None)
+        yield group, samples
 
 
 class _Finder:

@@ -1,4 +1,4 @@
-"""Pieces of a log -> conditioned pieces -> one ``Trace`` per group."""
+"""Pieces of a log -> conditioned samples of its groups."""
 
 from __future__ import annotations
 
@@ -10,19 +10,16 @@ import numpy as np
 
 from threadpitch.compiled import compiled
 from threadpitch.trace.choice import Chosen
-from threadpitch.trace.conditioned import Samples, joined, scaled
+from threadpitch.trace.conditioned import Samples, scaled
 from threadpitch.trace.passes import Piece
 from threadpitch.trace.quadrature import LevelError, Quadrature
-from threadpitch.trace.recording import Trace, TraceError
+from threadpitch.trace.recording import IntArray, TraceError
 from threadpitch.trace.signals import (
     NEVER,
     Clock,
     Continuous,
     Signals,
     Standing,
-    estimated_latency,
-    without_latency,
-    without_outliers,
 )
 from threadpitch.trace.soundness import TURN, FloatArray
 
@@ -59,12 +56,22 @@ class Group:
         self.lead: float | None = None  # m per turn with its sign, of the passes where it was found
         self.movement: float | None = None  # m per turn, of a pass that was found
         self._closed: tuple[str, ...] | None = None
+        self._told: tuple[str, ...] = ()  # after all others
         self._waiting: list[Samples] = []
 
     @property
     def resolution(self) -> float:
         """One count of the spindle's encoder, rad; 0 = not known."""
         return self.chosen.angle_factor if self.chosen.angle_unit == "count" else 0.0
+
+    @property
+    def named(self) -> str:
+        """What to call it in a message."""
+        return f"{self.source}, group {self.label!r}"
+
+    def place(self, lines: IntArray | None, sample: int, before: int) -> str:
+        """Where a sample of a piece stands: its line, or its number when so many came ``before`` the piece."""
+        return f"{self.named}: sample {before + sample}" if lines is None else f"{self.source}:{lines[sample]}"
 
     @property
     def parted(self) -> bool:
@@ -108,12 +115,17 @@ class Group:
 
     def close(self, more: Iterable[str] = ()) -> None:
         """A pass that was found is over: what comes later of the signals is not told of it."""
-        self._closed = (*(self._closed or self.all_notes()), *more)
+        self._closed = (*(self._closed or self._notes()), *more)
+
+    def tell(self, note: str) -> None:
+        """What was done to the samples after they were conditioned."""
+        self._told = (*self._told, note)
 
     def all_notes(self) -> tuple[str, ...]:
         """What was done to the signals."""
-        if self._closed is not None:
-            return self._closed
+        return (*(self._notes() if self._closed is None else self._closed), *self._told)
+
+    def _notes(self) -> tuple[str, ...]:
         levels = "" if self._levels is None else self._levels.note()
         found = [*self.chosen.notes, *self.signals.notes(self.chosen), levels, self._angle.note(),
                  self._position.note(), *self._clock.notes()]
@@ -136,7 +148,7 @@ class Group:
             return
         periods = self._clock.turned / (period * self.chosen.angle_factor)
         if periods > _LOST:
-            raise TraceError(f"{self.source}, group {self.label!r}: samples are missing for "
+            raise TraceError(f"{self.named}: samples are missing for "
                              f"{self._clock.longest:.4g} s, in which the angle, that wraps at {period:.12g}, "
                              f"went round about {periods:.1f} times: part the recording there by a group (--group)")
 
@@ -195,68 +207,7 @@ def grouped(pieces: Iterable[Piece], source: str, chosen: Chosen, signals: Signa
         yield from ((group, ready) for ready in group.rest())
 
 
-def traces(owned: Iterable[tuple[Group, Samples]]) -> Iterator[Trace]:
-    """One trace per group.
-
-    Raises:
-        TraceError: all that ``Trace`` refuses; more turns than samples.
-    """
-    group: Group | None = None
-    parts: list[Samples] = []
-    for owner, ready in owned:
-        if group is not None and owner is not group:
-            yield _trace(group, parts)
-            parts = []
-        group = owner
-        parts.append(ready)
-    if group is not None:
-        yield _trace(group, parts)
-
-
 def first_step(angle: FloatArray) -> float:
     """A little less than the first sample is below the next one that is above it, rad: what may be extrapolated."""
     above = np.flatnonzero(angle > angle[:1])
     return _WITHIN * float(angle[above[0]] - angle[0]) if above.size else 0.0
-
-
-def _trace(group: Group, parts: list[Samples]) -> Trace:
-    whole = joined(parts)
-    trace = Trace(whole.angle, whole.position, whole.time, name=group.label, source=group.source, lines=whole.lines,
-                  resolution=group.resolution, notes=group.all_notes(), margin=group.margin)
-    turns = (trace.angle[-1] - trace.angle[0]) / TURN
-    if turns > trace.angle.size:
-        raise TraceError(f"{trace.whole()}: {turns:.0f} turns in {trace.angle.size} samples; "
-                         f"{group.chosen.angle_unit_doubt()}")
-    return _without_latency(_without_outliers(trace, group), group)
-
-
-def _without_outliers(trace: Trace, group: Group) -> Trace:
-    if group.signals.outlier is None:
-        return trace
-    position, count = without_outliers(trace.position, group.signals.outlier)
-    note = f"{count} positions stuck out by more than {1e3 * group.signals.outlier:g} mm: put between their neighbours"
-    return replace(trace, position=position, notes=(*trace.notes, note)) if count else trace
-
-
-def _without_latency(trace: Trace, group: Group) -> Trace:
-    latency = group.signals.latency
-    if latency == 0.0:
-        return trace
-    if trace.time is None:
-        raise TraceError(f"{trace.whole()}: a latency needs the time of the samples; name the time column")
-    estimated = math.isnan(latency)
-    if estimated:
-        try:
-            latency = estimated_latency(trace.time, trace.angle, trace.position)
-        except TraceError as error:
-            raise TraceError(f"{trace.whole()}: {error}") from None
-    note = f"the position is taken {1e3 * latency:.4g} ms later than recorded with the angle" + (
-        ", as estimated from the spindle's speed (a feed that follows late looks the same)" if estimated else "")
-    # At one end of the recording the other signal is not there yet, or no longer.
-    there = (trace.time + latency >= trace.time[0]) & (trace.time + latency <= trace.time[-1])
-    if np.count_nonzero(there) < 2:
-        raise TraceError(f"{trace.whole()}: the latency of {1e3 * latency:.4g} ms is longer than the recording, "
-                         f"{1e3 * (trace.time[-1] - trace.time[0]):.4g} ms; give it in ms")
-    position = without_latency(trace.time, trace.position, latency)
-    return replace(trace, angle=trace.angle[there], position=position[there], time=trace.time[there],
-                   lines=None if trace.lines is None else trace.lines[there], notes=(*trace.notes, note))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -13,14 +14,16 @@ from threadpitch.trace.array_files import array_format, array_log
 from threadpitch.trace.choice import Chosen, ColumnChoice
 from threadpitch.trace.conditioned import Samples
 from threadpitch.trace.csv_log import TextLog
-from threadpitch.trace.found_passes import found_passes, with_chief_lead
-from threadpitch.trace.groups import Group, grouped, traces
+from threadpitch.trace.found_passes import chief_leads, found_passes, with_chief_lead, with_leads
+from threadpitch.trace.groups import Group, grouped
 from threadpitch.trace.live import live_texts
+from threadpitch.trace.mended import mended
 from threadpitch.trace.passes import Piece
 from threadpitch.trace.recording import Trace
 from threadpitch.trace.scope_file import scope_log
 from threadpitch.trace.signals import Signals
 from threadpitch.trace.text_rows import STANDARD_INPUT, texts_of
+from threadpitch.trace.wholes import traces
 
 
 class Log(Protocol):
@@ -71,14 +74,21 @@ def read_pieces(path: str | Path, choice: ColumnChoice, signals: Signals | None 
             for group, samples in pieces:
                 ...
 
-    The file is read by a second thread meanwhile.
+    The file is read by a second thread meanwhile. Where the lead of synchronous motion is to be found, a file is read
+    twice; of a pipe, or standard input, which can be read once only, all samples are kept then.
 
     Raises:
         TraceError: as ``read_groups``, but for what needs a whole group: the turning of the spindle.
     """
-    log = open_log(Path(path), choice)
+    path, signals = Path(path), signals or Signals()
+    log = open_log(path, choice)
+    led = with_chief_lead
+    if _seeks_lead(log, signals) and (path.is_file() or path.is_dir()):
+        with ReadAhead(log.pieces(), log.close) as pieces:
+            led = partial(with_leads, leads=chief_leads(grouped(pieces, log.source, log.chosen, signals)))
+        log = open_log(path, choice)
     with ReadAhead(log.pieces(), log.close) as pieces:
-        yield _owned(log, pieces, signals or Signals())
+        yield _owned(log, pieces, signals, led)
 
 
 def watch_pieces(path: Path, choice: ColumnChoice, signals: Signals | None = None, *, idle: float = math.inf) \
@@ -110,23 +120,31 @@ def read_groups(path: str | Path, choice: ColumnChoice, signals: Signals | None 
     """
     log = open_log(Path(path), choice)
     with ReadAhead(log.pieces(), log.close) as pieces:
-        return list(traces(_owned(log, pieces, signals or Signals(), the_whole=True, told=told)))
+        return list(traces(_owned(log, pieces, signals or Signals(), with_chief_lead, told)))
 
 
-def _owned(log: Log, pieces: Iterator[Piece], signals: Signals, *, the_whole: bool = False,
-           told: Callable[[int], None] | None = None) -> Iterator[tuple[Group, Samples]]:
-    """The samples of a log, with their group, or with the pass that is found by the motion of the feed."""
+_Owned = Iterator[tuple[Group, Samples]]
+
+
+def _owned(log: Log, pieces: Iterator[Piece], signals: Signals, led: Callable[[_Owned], _Owned] | None = None,
+           told: Callable[[int], None] | None = None) -> _Owned:
+    """The samples of a log, with their group, or with the pass that is found by the motion of the feed.
+
+    ``led`` gives the groups the lead of synchronous motion; without it, it is found so far as the samples have come.
+    """
     owned = _told(grouped(pieces, log.source, log.chosen, signals), told)
-    by_index = log.chosen.index_enable is not None
-    if not by_index and not signals.synchronous:
-        return owned
-    if the_whole and not by_index and signals.lead is None:
-        owned = with_chief_lead(owned)
-    return found_passes(owned)
+    if led is not None and _seeks_lead(log, signals):
+        owned = led(owned)
+    if log.chosen.index_enable is not None or signals.synchronous:
+        owned = found_passes(owned)
+    return mended(owned)
 
 
-def _told(owned: Iterator[tuple[Group, Samples]], told: Callable[[int], None] | None) \
-        -> Iterator[tuple[Group, Samples]]:
+def _seeks_lead(log: Log, signals: Signals) -> bool:
+    return signals.synchronous and signals.lead is None and log.chosen.index_enable is None
+
+
+def _told(owned: _Owned, told: Callable[[int], None] | None) -> _Owned:
     for group, samples in owned:
         if told is not None:
             told(samples.size)

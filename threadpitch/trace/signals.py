@@ -62,8 +62,8 @@ class Signals:
 
     @property
     def needs_the_whole(self) -> bool:
-        """What is asked for cannot be done piece by piece."""
-        return self.latency != 0.0 or self.outlier is not None or (self.synchronous and self.lead is None)
+        """What is asked for cannot be done piece by piece: the latency is to be estimated."""
+        return math.isnan(self.latency)
 
     def position_factor(self, unit: str) -> float:
         """``m = factor * value``."""
@@ -275,20 +275,21 @@ def _equal_at_the_end(values: FloatArray) -> int:
     return equal
 
 
-def without_outliers(position: FloatArray, limit: float) -> tuple[FloatArray, int]:
-    """(the positions (samples,) m with single samples that stick out put between their neighbours, how many).
+def without_outliers(position: FloatArray, limit: float) -> tuple[FloatArray, IntArray]:
+    """(the positions (samples,) m with single samples that stick out put between their neighbours, which these are).
 
     A neighbour of an outlier departs from its own neighbours by half as much: only the farthest one is moved.
     """
-    middle = 0.5 * (position[:-2] + position[2:])
-    out = np.abs(position[1:-1] - middle)
-    farthest = out >= np.maximum(np.concatenate(([0.0], out[:-1])), np.concatenate((out[1:], [0.0])))
+    with np.errstate(over="ignore", invalid="ignore"):  # the trace refuses what is not finite
+        middle = 0.5 * (position[:-2] + position[2:])
+        out = np.abs(position[1:-1] - middle)
+        farthest = out >= np.maximum(np.concatenate(([0.0], out[:-1])), np.concatenate((out[1:], [0.0])))
     places = np.flatnonzero((out > limit) & farthest) + 1
     if not places.size:
-        return position, 0
+        return position, places
     mended = position.copy()
     mended[places] = middle[places - 1]
-    return mended, int(places.size)
+    return mended, places
 
 
 def estimated_latency(time: FloatArray, angle: FloatArray, position: FloatArray) -> float:
@@ -308,8 +309,3 @@ def estimated_latency(time: FloatArray, angle: FloatArray, position: FloatArray)
     matrix = np.column_stack([np.ones(smooth.size), angle[inner] - angle[0], smooth - smooth.mean()])
     (_, per_angle, per_speed), *_ = np.linalg.lstsq(matrix, position[inner] - position[0], rcond=None)
     return float(-per_speed / per_angle) if per_angle != 0.0 else 0.0
-
-
-def without_latency(time: FloatArray, position: FloatArray, latency: float) -> FloatArray:
-    """The position at the instants of the angle: xi(t) = recorded(t + latency), interpolated linearly."""
-    return np.interp(time + latency, time, position)

@@ -266,7 +266,7 @@ def synchronous_passes(angle: FloatArray, position: FloatArray, lead: float | No
     """
     signed = lead is None
     if lead is None:
-        lead = chief_lead([(angle, position)])
+        lead = _chief_lead(angle, position)
         if lead is None:
             return []
     finder = Synchronism(lead, signed=signed)
@@ -277,11 +277,9 @@ def synchronous_passes(angle: FloatArray, position: FloatArray, lead: float | No
     return found
 
 
-def chief_lead(pieces: list[tuple[FloatArray, FloatArray]]) -> float | None:
-    """The movement per turn in which the spindle makes most turns, m, signed; pieces of (angle rad, position m)."""
+def _chief_lead(angle: FloatArray, position: FloatArray) -> float | None:
     finder = Synchronism()
-    for angle, position in pieces:
-        finder.add(angle, position)
+    finder.add(angle, position)
     finder.end()
     return finder.chief()
 
