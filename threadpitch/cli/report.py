@@ -11,19 +11,20 @@ from rich.console import Console
 from rich.text import Text
 
 from threadpitch.cli.analyze import CROSSINGS
+from threadpitch.cli.judging import NO_TOLERANCE
 from threadpitch.cli.log_options import Latency, LogOptions, Outlier
 from threadpitch.cli.option_records import with_option_records
 from threadpitch.cli.options import StartAngles, number, radians
 from threadpitch.cli.printing import counting, fail, printing
 from threadpitch.judgement.measured_file import read_measured
-from threadpitch.pitch import pitch_tables
+from threadpitch.pitch import PitchTable, pitch_tables
 from threadpitch.report.content import Report, Thread
 from threadpitch.report.limits import Allowed, limited
 from threadpitch.report.output import check_output, write_report
 from threadpitch.report.recorded_log import LogQuestion, chosen_groups, log_thread
 from threadpitch.report.recorded_run import read_run
 from threadpitch.report.study_document import write_study
-from threadpitch.sparkline import deviation_lines, verdict_line
+from threadpitch.sparkline import deviation_lines, variable_deviation_lines, verdict_line
 from threadpitch.studies import is_study, kept
 from threadpitch.study_report import sentences
 from threadpitch.tables import printable
@@ -57,6 +58,9 @@ def report(
     target: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Movement per revolution that was wanted in the log.",
         show_default="of --thread, else the median")] = None,
+    lead_change: Annotated[float | None, typer.Option(
+        metavar="MM", parser=number, help="What the lead in the log changes by in every turn, from --target at the "
+                                          "first sample on, as for analyze.")] = None,
     uncertainty: Annotated[float | None, typer.Option(
         metavar="UM", parser=number, help="Standard uncertainty of one measured pitch.",
         show_default="a run keeps its verdict")] = None,
@@ -89,12 +93,15 @@ def report(
     if measured is not None and all(path.is_dir() for path in inputs):
         fail("--measured belongs to a log; a run keeps its own verdict: leave it out, or measure the thread by "
              "threadpitch run --measure")
+    if lead_change:
+        _check_lead_change(inputs, target, thread)
     choice = of_log.choice()
     signals = of_log.signals(target, latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
     designation = None if thread is None else parse_thread(thread)
     wanted = _si(target, "mm") if target is not None or designation is None else designation.lead
     question = LogQuestion(wanted, () if measured is None else tuple(read_measured(measured)), _si(uncertainty, "um"),
-                           _si(of_log.screw_lead if ball_screw is None else ball_screw, "mm"))
+                           _si(of_log.screw_lead if ball_screw is None else ball_screw, "mm"),
+                           to_si(lead_change or 0.0, "mm"))
     starts = radians(start_angle or [0.0])
 
     def threads_of(path: Path) -> list[Thread]:
@@ -113,13 +120,29 @@ def report(
         console = Console()
         for one in threads:
             console.print(Text(printable(one.name), style="bold"))
-            for line in deviation_lines(console, one.nominal, one.target, one.chosen):
+            for line in _deviation_lines(console, one):
                 console.print(line)
             if one.verdict is not None:
                 console.print(verdict_line(one.verdict.cause, printable(one.verdict.sentence)))
             for note in one.notes:
                 console.print(Text(printable(note)))
         print(f"saved in {output}")
+
+
+def _deviation_lines(console: Console, one: Thread) -> list[Text]:
+    if one.lead_change:
+        less = PitchTable.of_pitches(one.deviation, one.nominal.start_angles)
+        return variable_deviation_lines(console, less, one.chosen)
+    return deviation_lines(console, one.nominal, one.target, one.chosen)
+
+
+def _check_lead_change(inputs: Sequence[Path], target: float | None, thread: str | None) -> None:
+    if all(path.is_dir() for path in inputs):
+        fail("--lead-change belongs to a log; a run knows the lead of its turns: leave it out")
+    if thread is not None:
+        fail(NO_TOLERANCE)
+    if target is None:
+        fail("--lead-change counts from the lead at the first sample; give it with --target in mm")
 
 
 def _title(threads: Sequence[Thread]) -> str:
