@@ -243,14 +243,13 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
     flavor = choose_flavor(flavor)
     chosen_fmus = replacements(replace or {}, flavor)
     with cosim.read_system(find_system(system), locate=functools.partial(locate_fmu, flavor),
-                           replace=chosen_fmus) as structure:
-        with cosim.prepare(structure) as plan:
-            roles = Roles.of(plan)
+                           replace=chosen_fmus) as structure, cosim.prepare(structure) as plan:
+        roles = Roles.of(plan)
         watch = roles.watch if turned is None else \
             replaced(roles.watch, look=LiveTurns(roles.calculators, turned))
         chosen = roles.parameters(parameters or {}, start_angles)
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
-        result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
+        result = cosim.simulate(plan, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
                                 record_every=record_every, record_on=record_on, watch=watch, results=results,
                                 checkpoint=checkpoint, checkpoint_every=checkpoint_every, method=method,
                                 isolate=isolate,
@@ -273,10 +272,9 @@ def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: 
     metadata = cosim.read_checkpoint(checkpoint).metadata
     flavor = choose_flavor(metadata["about"].get("flavor"))
     with cosim.read_system(metadata["system"] or "", locate=functools.partial(locate_fmu, flavor),
-                           replace=metadata["about"].get("replace")) as structure:
-        with cosim.prepare(structure) as plan:
-            look = None if turned is None else LiveTurns(Roles.of(plan).calculators, turned)
-        result = cosim.resume(checkpoint, system=structure, stop_time=stop_time, progress=progress, look=look)
+                           replace=metadata["about"].get("replace")) as structure, cosim.prepare(structure) as plan:
+        look = None if turned is None else LiveTurns(Roles.of(plan).calculators, turned)
+        result = cosim.resume(checkpoint, system=plan, stop_time=stop_time, progress=progress, look=look)
     return Simulation(result, flavor)
 
 

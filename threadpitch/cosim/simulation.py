@@ -57,7 +57,7 @@ class _Request:
     progress: master.Progress | None
 
 
-def simulate(system: System | str | Path, *, parameters: Mapping[str, Given] | None = None,
+def simulate(system: System | Plan | str | Path, *, parameters: Mapping[str, Given] | None = None,
              stop_time: float | None = None, step_size: float | None = None, start_time: float | None = None,
              record: Iterable[str] = ("outputs",), record_every: int = 1, record_on: Iterable[str] = (),
              watch: Watch | None = None,
@@ -65,7 +65,7 @@ def simulate(system: System | str | Path, *, parameters: Mapping[str, Given] | N
              method: Method | None = None, engine: str | None = None, isolate: bool | Iterable[str] = False,
              time_limit: float | None = None, progress: master.Progress | None = None,
              about: Mapping[str, Any] | None = None) -> Result:
-    """Simulate a system of FMI 2.0 and 3.0 co-simulation FMUs and return what was recorded.
+    """Simulate a system of FMI 2.0 and 3.0 co-simulation FMUs, or a plan of one, and return what was recorded.
 
     ``parameters`` maps ``component.variable`` to a number (SI), a truth value or a text ("10mm", "linear_motor").
     Times are seconds; what is None comes from the SSD's default experiment, the step size from the smallest that an
@@ -102,7 +102,7 @@ def simulate(system: System | str | Path, *, parameters: Mapping[str, Given] | N
         about=dict(about or {}), time_limit=time_limit, progress=progress))
 
 
-def resume(checkpoint: str | Path, *, system: System | str | Path | None = None, stop_time: float | None = None,
+def resume(checkpoint: str | Path, *, system: System | Plan | str | Path | None = None, stop_time: float | None = None,
            results: str | Path | None = None, checkpoint_every: float = 60.0, engine: str | None = None,
            time_limit: float | None = None, progress: master.Progress | None = None,
            look: Look | None = None) -> Result:
@@ -134,9 +134,9 @@ def resume(checkpoint: str | Path, *, system: System | str | Path | None = None,
         keeping=Keeping(None if place is None else Path(place), Path(checkpoint), checkpoint_every)), saved)
 
 
-def _simulate(system: System | str | Path, request: _Request, saved: Checkpoint | None = None) -> Result:
+def _simulate(system: System | Plan | str | Path, request: _Request, saved: Checkpoint | None = None) -> Result:
     with ExitStack() as stack:
-        if not isinstance(system, System):
+        if not isinstance(system, System | Plan):
             system = stack.enter_context(read_system(system))
         plan = stack.enter_context(prepare(system, request.parameters))
         start, stop, step = request.times
@@ -213,12 +213,17 @@ def _words(given: Iterable[str]) -> tuple[str, ...]:
 
 
 @contextmanager
-def prepare(system: System, parameters: Mapping[str, Given] | None = None) -> Iterator[Plan]:
+def prepare(system: System | Plan, parameters: Mapping[str, Given] | None = None) -> Iterator[Plan]:
     """Unpack the FMUs of a system and check all; the unpacked files are removed when the context ends.
+
+    A plan is checked with other parameters; its FMUs are unpacked already.
 
     Raises:
         SystemStructureError: as ``simulate``; FMUs that cannot be read are among its problems.
     """
+    if isinstance(system, Plan):
+        yield check(system.system, system.descriptions, parameters)
+        return
     with opened(system) as fmus:
         yield check(system, fmus.descriptions, parameters, fmus.problems)
 
