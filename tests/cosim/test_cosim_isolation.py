@@ -123,6 +123,12 @@ def environment(folder: Path) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "TMPDIR": str(folder)}
 
 
+def heard() -> None:
+    """In the new process: signals that those who started the tests ignore (a shell in the background, nohup)."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no such signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("isolate", [[], ["b"]])
@@ -130,8 +136,7 @@ def test_signals_end_a_run_in_order(probe_fmu: Path, tmp_path: Path, number: sig
                                     isolate: list[str]) -> None:
     """Between two steps, with the rows kept and the unpacked FMUs removed; workers do not hear of it."""
     with subprocess.Popen(program(fmu=str(probe_fmu), parameters={}, isolate=isolate), env=environment(tmp_path),
-                          stdout=subprocess.PIPE, text=True, start_new_session=True,
-                          preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler)) as process:
+                          stdout=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=heard) as process:
         assert process.stdout is not None
         process.stdout.readline()
         while int(process.stdout.readline()) < 10:
