@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from pathlib import Path
 
@@ -98,12 +99,17 @@ def test_passes_that_differ_in_x_only_are_one_list() -> None:
     assert unknown[-1] == pytest.approx(0.6134 * 1.5e-3, rel=1e-4)  # h3 of the metric thread
 
 
-def test_starts_of_one_block_are_cut_pass_by_pass() -> None:
+@functools.cache
+def two_starts() -> tuple[Operation, lathe.Simulation]:
     (operation,) = program("G97 S600 M3\nG0 X26. Z5.\nG92 X19.4 Z-8. F3. L2\nX18.8\nM30\n")
+    return operation, lathe.simulate(parameters=operation.parameters, stop_time=operation.stop_time)
+
+
+def test_starts_of_one_block_are_cut_pass_by_pass() -> None:
+    operation, result = two_starts()
     parameters = operation.parameters
     assert [one.start_number for one in operation.passes] == [1, 2, 1, 2]
     assert (parameters["controller.starts"], parameters["controller.pass_count"]) == (2, 2)
-    result = lathe.simulate(parameters=parameters, stop_time=operation.stop_time)
     assert [one.start_number for one in result.passes] == [1, 2, 1, 2]
     assert [one.kind for one in result.passes] == ["rough", "rough", "finish", "finish"]
     assert [one.final_flank for one in result.passes] == [False, False, True, True]
@@ -266,8 +272,7 @@ def test_what_the_controller_cannot_cut_is_refused(text: str, what: str) -> None
 
 
 def test_tables_and_documents_tell_lead_and_pitch_apart() -> None:
-    (operation,) = program("G97 S600 M3\nG0 X26. Z5.\nG92 X19.4 Z-8. F3. L2\nX18.8\nM30\n")
-    result = lathe.simulate(parameters=operation.parameters, stop_time=operation.stop_time)
+    _, result = two_starts()
     last = result.passes[-1]
     text = pass_text(last).splitlines()
     assert text[0] == "Pass 4, start 2"
