@@ -97,6 +97,11 @@ Control = Annotated[Path | None, typer.Option(
 Flavor = Annotated[str | None, typer.Option(
     metavar="native|python", help="Kind of FMUs that are built: native code, or Python by PythonFMU.",
     show_default="native where a C compiler is found")]
+Workers = Annotated[int | None, typer.Option(
+    metavar="N", min=0, help="Processes of a local Dask cluster; 0: this process, without Dask.",
+    show_default="one for each core")]
+Scheduler = Annotated[str | None, typer.Option(
+    metavar="ADDRESS", help="Dask scheduler that runs already, such as tcp://host:8786.")]
 AsJson = Annotated[bool, typer.Option(
     "--json", metavar="", help="Print one JSON document on standard output (mm, degrees, s).")]
 
