@@ -16,7 +16,7 @@ from typing import Any, get_type_hints
 def with_option_records(command: Callable[..., None]) -> Callable[..., None]:
     """A command with records of options among its parameters -> one with the options in their places."""
     own = inspect.signature(command, eval_str=True).parameters.values()
-    records = {one.name: one.annotation for one in own if is_dataclass(one.annotation)}
+    records: dict[str, Any] = {one.name: one.annotation for one in own if is_dataclass(one.annotation)}
     parameters = [option for one in own for option in (
         _options(records[one.name]) if one.name in records else [one.replace(kind=inspect.Parameter.KEYWORD_ONLY)])]
 
