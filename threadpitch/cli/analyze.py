@@ -86,7 +86,7 @@ def analyze(
     if crossing not in CROSSINGS:
         fail(f"crossing {crossing!r} is not known; choose {' or '.join(CROSSINGS)}")
     reading = Reading(log, choice, signals, tuple(starts), interval, crossing)
-    if interval is not None and reading.whole:
+    if interval is not None and (reading.whole or crossing != "linear"):
         fail("positions stored at an interval are of linear crossings of signals as they are; leave out an option")
     kept = keep.asked(thread=thread or "")
     with keeping_run(kept, "log", str(log)) as keeper:
@@ -114,7 +114,7 @@ class Reading:
     @property
     def whole(self) -> bool:
         """Whether the log must be in memory."""
-        return self.signals.needs_the_whole or self.crossing != "linear"
+        return self.signals.needs_the_whole
 
     def described(self) -> dict[str, object]:
         """As JSON, SI."""
@@ -132,7 +132,8 @@ def _groups(reading: Reading, keeper: Keeper | None) -> Sequence[GroupPitch | St
                 keeper.sample(group.label, group.trace)
         return found
     with counting("reading") as told:
-        return stream_pitches(log, choice, starts, signals, interval=reading.interval, told=told,
+        return stream_pitches(log, choice, starts, signals, interval=reading.interval,
+                              edges=reading.crossing == "edges", told=told,
                               taken=None if keeper is None else keeper.sample)
 
 

@@ -2,64 +2,238 @@
 
 Around every crossing xi is fitted to the angle,
 
-    xi_i = a + b (theta_i - level) + c (theta_i - level)^2 + e_i,     xi(level) = a
+    xi_i = a + b (theta_i - level) + c (theta_i - level)^2 + e_i,     xi(level) = a = sum of w_i xi_i
 
-by least squares over the samples within a sixteenth of a turn. Where the angle stands still in many samples (fewer
-counts than samples), the edges of the counts are taken instead: there the angle is known, and xi lies between the
-samples before and after.
+by least squares over the observations within a sixteenth of a turn. Observations are the samples, with the middle of
+their counts as angle. Where there are fewer counts than samples, they are the edges of the counts instead: there the
+angle is known, and xi is taken halfway between the samples before and after.
 
-    u^2(a) = u_q^2 + s^2 (M^-1)_11,     u^2(P) = u^2(a_n) + u^2(a_(n-1))
+    u^2(a) = d^2 R(w) + g^2 R_g(w) + s^2 sum of v_i^2,     u^2(P) = u^2(a_n) + u^2(a_(n-1))
 
-u_q is what the quantisation of the angle does. Of a motion so even that the errors of neighbours go together, it is
-found by repeating the fit on the smooth motion, quantised anew with the counts shifted by eighths; of a motion so
-uneven that they are independent, u_q^2 = b^2 w^2 / 12 (M^-1)_11, w the width of a count, or of a sample where edges
-are taken. Real spindles lie between: the mean of both variances is taken. s^2 is the variance of the residuals of all
-crossings together, less what quantisation explains of it: noise of the position, jitter, instants of sampling. M is
-the normal matrix. The windows of two crossings of a start angle have no sample in common.
+d is the movement in a count (of samples) or from sample to sample (of edges), g the count of the position, R the
+variance of a sum of values that are rounded to whole counts (``rounding``), v the weights of the samples. The phases
+in R are those of the smooth motion, a cubic in time; their scatter is the jitter of the instants, for the position
+with the noise. Both are found from the whole recording, so that what rounding explains and they add up to what is
+seen: the jitter from the residuals of the cubics, the noise s^2 from those of the fits above, divided by the degrees
+of freedom less 2 (the variance of Student's t).
+The windows of two crossings of a start angle have no sample in common.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # its parts are loaded when they are used
 from numpy.typing import ArrayLike
 
 from threadpitch.pitch.recorded import pitch_table
+from threadpitch.pitch.rounding import LOOKED_AT, Rounding, count_of, of_rest, of_sum, waves
 from threadpitch.pitch.table import PitchError, PitchTable
-from threadpitch.trace import TURN, FloatArray, Trace
+from threadpitch.trace import TURN, FloatArray, IntArray, Trace
 
 WINDOW = TURN / 16.0  # rad on either side of a crossing; the feed's error is nearly a parabola in there
 LEAST = 6  # observations in a window
-PHASES = 8  # of the counts, over which the effect of quantisation is taken
 _MOST = 2000  # samples on either side
-_STANDING = 0.3  # share of samples that repeat the angle, from which on the edges are taken
-_WHOLE = 0.05  # of a count, by which steps may differ from whole counts
-_LOOKED_AT = 10_000  # samples, for the count
-_TRIED = 100  # counts
-_SMALLEST = 1e-5  # rad, of a count that matters
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """The parabola about a level."""
-
-    coefficients: FloatArray  # (3,) m, of 1, theta / WINDOW and its square
-    weight: float  # (M^-1)_11
-    squares: float  # m2, sum of the squares of the residuals
-    freedom: int
-    samples: bool  # the observations are all samples
+_EDGES_BELOW = 0.7  # counts per sample, from which on edges tell less than samples
+_SMALLEST_ANGLE = 1e-5  # rad, of a count that matters
+_SMALLEST_MOVEMENT = 1e-9  # m, likewise
+_ANY_ANGLE, _ANY_MOVEMENT = 1e-9, 1e-14  # rad and m, counts of what is not rounded: too small to matter
+_SINGULAR = 1e-9  # of the largest, a diagonal element of a fit without a solution
 
 
 @dataclass(frozen=True)
+class _Counts:
+    """What one count of the signals is."""
+
+    angle: float  # rad
+    position: float  # m
+
+
+@dataclass(frozen=True, eq=False)
+class _Observations:
+    """Angles with the samples between which the position belongs to them."""
+
+    angle: FloatArray  # (observations,) rad, from the level
+    before: IntArray  # (observations,) sample of the window
+    after: IntArray  # (observations,) the same sample, or the next
+    edges: bool
+
+    @property
+    def place(self) -> FloatArray:
+        """(observations,) samples from the first of the window."""
+        return self.before + 0.5 * (self.after - self.before).astype(np.float64)
+
+    @property
+    def rate(self) -> float:
+        """rad from sample to sample, on average; 0 where the angle comes in one step."""
+        first, *_, last = self.place
+        return float((self.angle[-1] - self.angle[0]) / (last - first)) if last > first else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Smooth:
+    """A cubic through values."""
+
+    basis: FloatArray  # (values, 4) orthonormal
+    values: FloatArray
+    squares: float  # of the residuals
+
+
+@dataclass(frozen=True, eq=False)
 class _Crossing:
-    """xi at a level, and what its uncertainty is made of."""
+    """xi at a level, and what its uncertainty and that of the whole recording are made of."""
 
     position: float  # m
-    quantisation: float  # m2, variance of the position by the counts
-    weight: float
-    squares: float  # m2, of the residuals, less what quantisation explains
-    freedom: int
+    step: float  # m, movement from sample to sample
+    lasts: float  # samples, that one count lasts; 1 for edges, which lie between two samples
+    weight: float  # variance of the position by noise of the samples of variance 1
+    squares: float  # m2, of the residuals
+    freedom: int  # of the fit
+    noise_left: float  # expected squares of residuals, for noise of variance 1
+    scatter: float  # samples2, squares of what lies beside the smooth motion
+    scatter_freedom: int
+    by_angle: Rounding  # of the position
+    angle_left: Rounding  # of ``squares``
+    angle_scatter: Rounding  # of ``scatter``
+    by_position: Rounding
+    position_left: Rounding
+
+    def row(self) -> FloatArray:
+        """All of it as numbers, (_NUMBERS,)."""
+        scalars = [getattr(self, name) for name in _SCALARS]
+        return np.concatenate((scalars, *(getattr(self, name).row() for name in _ROUNDINGS)))
+
+
+_SCALARS = ("position", "step", "lasts", "weight", "squares", "freedom", "noise_left", "scatter", "scatter_freedom")
+_ROUNDINGS = ("by_angle", "angle_left", "angle_scatter", "by_position", "position_left")
+_NUMBERS = len(_SCALARS) + len(_ROUNDINGS) * Rounding.NUMBERS
+
+
+class EdgeStream:
+    """Crossings by edges of a recording that comes piece by piece: the same bits, however it is cut.
+
+        edges = EdgeStream(start_angles, turns_before, resolution)
+        for angle, position in pieces:
+            edges.add(angle, position)
+        table = edges.table(linear)
+
+    Memory grows with the turns: of the samples those around the next crossing are kept.
+
+    Args:
+        start_angles: (start_angles,) rad, and ``turns_before`` of the table of linear crossings.
+        resolution: one count of the angle, rad; 0 = to be found.
+        label: what to call the recording in a message.
+    """
+
+    def __init__(self, start_angles: FloatArray, turns_before: int, resolution: float, label: str) -> None:
+        self._starts, self._before, self._resolution, self._label = start_angles, turns_before, resolution, label
+        self._counts: _Counts | None = None  # once there are enough samples to find them
+        self._next = np.zeros(start_angles.size, np.int64)  # columns
+        self._window = _Window(*(np.empty(0) for _ in range(3)))
+        self._places: list[tuple[int, int]] = []  # start angle and column of the rows
+        self._rows = np.empty((0, _NUMBERS))
+
+    def add(self, angle: FloatArray, position: FloatArray) -> None:
+        """The next samples, angle (samples,) rad, position (samples,) m, without faults."""
+        self._window = self._window.longer(angle, position)
+        if self._counts is None:
+            if self._window.angle.size < LOOKED_AT:
+                return
+            self._find_counts()
+        for start in range(self._starts.size):
+            while self._is_whole(level := self._level(start, int(self._next[start]))):
+                self._cross(start, level)
+        reached = min(self._window.reaching(self._level(start, int(column)))
+                      for start, column in enumerate(self._next))
+        self._window = self._window.since(reached - _MOST)
+
+    def table(self, linear: PitchTable) -> PitchTable:
+        """The table of linear crossings with those by edges in their place, and ``PitchTable.uncertainty``.
+
+        Raises:
+            PitchError: there are too few observations for a single turn.
+        """
+        if self._counts is None:
+            self._find_counts()
+        columns = linear.crossings.shape[1]
+        for start in range(self._starts.size):
+            while self._next[start] < columns:
+                self._cross(start, self._level(start, int(self._next[start])))
+        crossings, variances = np.full(linear.crossings.shape, np.nan), np.full(linear.crossings.shape, np.nan)
+        places = np.array(self._places, np.int64).reshape(-1, 2)
+        known = ~np.isnan(linear.crossings[places[:, 0], places[:, 1]])
+        order = np.lexsort((places[:, 1], places[:, 0]))
+        order = order[known[order]]
+        rows, at = self._rows[order], tuple(places[order].T)
+        crossings[at] = rows[:, 0]
+        if np.isnan(np.diff(crossings, axis=1)).all():
+            raise PitchError(f"{self._label}: too few samples or counts per turn for crossings by edges; take linear "
+                             "ones")
+        assert self._counts is not None
+        variances[at] = _variances(rows, self._counts)
+        direction = np.sign(np.nansum(linear.pitch * np.diff(linear.crossings, axis=1))) or 1.0
+        note = "crossings by the edges of the angle's counts, with the standard uncertainty of every P(n)"
+        return replace(
+            linear,
+            pitch=direction * np.diff(crossings, axis=1) + 0.0,
+            crossings=crossings,
+            extrapolated=np.zeros_like(linear.extrapolated),
+            uncertainty=np.sqrt(variances[:, 1:] + variances[:, :-1]),
+            notes=(*linear.notes, note),
+        )
+
+    def _find_counts(self) -> None:
+        angle, position = self._window.angle, self._window.position
+        self._counts = _Counts(self._resolution or count_of(angle, _SMALLEST_ANGLE) or _ANY_ANGLE,
+                               count_of(position, _SMALLEST_MOVEMENT) or _ANY_MOVEMENT)
+
+    def _level(self, start: int, column: int) -> float:
+        return float(self._starts[start] + TURN * (self._before + column))
+
+    def _is_whole(self, level: float) -> bool:
+        """Whether all samples have come that a crossing is found by."""
+        window = self._window
+        return window.reaching(level + WINDOW) < window.angle.size or (
+            window.reaching(level) + _MOST <= window.angle.size)
+
+    def _cross(self, start: int, level: float) -> None:
+        assert self._counts is not None
+        found = _crossing(self._window, level, self._counts)
+        if found is not None:
+            count = len(self._places)
+            if count == self._rows.shape[0]:
+                self._rows = np.concatenate((self._rows, np.empty((max(count, 16), _NUMBERS))))
+            self._rows[count] = found.row()
+            self._places.append((start, int(self._next[start])))
+        self._next[start] += 1
+
+
+@dataclass(frozen=True, eq=False)
+class _Window:
+    """The samples that are kept."""
+
+    angle: FloatArray  # (samples,) rad
+    position: FloatArray  # (samples,) m
+    rising: FloatArray  # (samples,) rad, greatest angle so far
+
+    def longer(self, angle: FloatArray, position: FloatArray) -> _Window:
+        """With the next samples."""
+        if self.angle.size == 0:
+            return _Window(angle, position, np.maximum.accumulate(angle))
+        rising = np.maximum.accumulate(np.concatenate((self.rising[-1:], angle)))[1:]
+        return _Window(np.concatenate((self.angle, angle)), np.concatenate((self.position, position)),
+                       np.concatenate((self.rising, rising)))
+
+    def since(self, sample: int) -> _Window:
+        """From a sample on."""
+        part = slice(max(sample, 0), None)
+        return _Window(self.angle[part].copy(), self.position[part].copy(), self.rising[part].copy())
+
+    def reaching(self, level: float) -> int:
+        """The first sample that reaches a level; their number if there is none."""
+        return int(np.searchsorted(self.rising, level))
 
 
 def edge_pitch_table(trace: Trace, start_angles: ArrayLike | None = (0.0,)) -> PitchTable:
@@ -71,101 +245,119 @@ def edge_pitch_table(trace: Trace, start_angles: ArrayLike | None = (0.0,)) -> P
         PitchError: as ``pitch_table``; there are too few observations for a single turn.
     """
     linear = pitch_table(trace, start_angles)
-    levels = linear.start_angles[:, np.newaxis] + TURN * (linear.turns_before + np.arange(linear.crossings.shape[1]))
-    count = trace.resolution or _count_of(trace.angle)
-    rising = np.maximum.accumulate(trace.angle)
-    crossings, variances, weights = (np.full(levels.shape, np.nan) for _ in range(3))
-    squares, freedom = 0.0, 0
-    for place in zip(*np.nonzero(~np.isnan(linear.crossings)), strict=True):
-        found = _crossing(trace, rising, float(levels[place]), count)
-        if found is not None:
-            crossings[place], variances[place], weights[place] = found.position, found.quantisation, found.weight
-            squares, freedom = squares + found.squares, freedom + found.freedom
-    if np.isnan(np.diff(crossings, axis=1)).all():
-        raise PitchError(f"{trace.whole()}: too few samples or counts per turn for crossings by edges; take "
-                         "linear ones")
-    variances += max(squares / freedom, 0.0) * weights
-    direction = np.sign(np.nansum(linear.pitch * np.diff(linear.crossings, axis=1))) or 1.0
-    note = "crossings by the edges of the angle's counts, with the standard uncertainty of every P(n)"
-    return replace(
-        linear,
-        pitch=direction * np.diff(crossings, axis=1) + 0.0,
-        crossings=crossings,
-        extrapolated=np.zeros_like(linear.extrapolated),
-        uncertainty=np.sqrt(variances[:, 1:] + variances[:, :-1]),
-        notes=(*linear.notes, note),
-    )
+    edges = EdgeStream(linear.start_angles, linear.turns_before, trace.resolution, trace.whole())
+    edges.add(trace.angle, trace.position)
+    return edges.table(linear)
 
 
-def _count_of(angle: FloatArray) -> float:
-    """The count of a quantised angle, rad: the largest of which all steps are multiples; 0 for none."""
-    steps = np.abs(np.diff(angle[:_LOOKED_AT]))
-    sizes = np.unique(np.round(steps, 6))
-    for count in np.unique(np.diff(sizes))[::-1][:_TRIED]:
-        multiples = steps / count
-        if count > _SMALLEST and np.mean(np.abs(multiples - np.rint(multiples)) < _WHOLE) > 0.99:
-            return float(count)
-    return 0.0
+def _variances(rows: FloatArray, counts: _Counts) -> FloatArray:
+    """u^2(a) of the crossings of one recording, (crossings,) m2, by their rows."""
+    def each(name: str) -> FloatArray:
+        return rows[:, _SCALARS.index(name)]
+
+    def rounding(name: str) -> Rounding:
+        first = len(_SCALARS) + _ROUNDINGS.index(name) * Rounding.NUMBERS
+        return Rounding.of_rows(rows[:, first : first + Rounding.NUMBERS])
+
+    lasts, step = each("lasts"), each("step")
+    angle_scatter, angle_left, position_left = (
+        rounding(name) for name in ("angle_scatter", "angle_left", "position_left"))
+    per_angle, per_position = (lasts * step) ** 2, counts.position**2  # m2 of a count
+    jitter = _explaining(  # samples2
+        float(each("scatter").sum()), float(each("scatter_freedom").sum()),
+        lambda variance: float(lasts**2 @ angle_scatter.variance(variance / lasts**2)))
+    phases = jitter / lasts**2
+    by_angle = float(per_angle @ angle_left.variance(phases))
+    freedom = each("freedom").sum()
+    noise = _explaining(  # m2
+        float(each("squares").sum() * freedom / (freedom - 2.0)), float(each("noise_left").sum()),
+        lambda variance: by_angle + per_position * float(
+            position_left.variance((variance + jitter * step**2) / per_position).sum()))
+    variances: FloatArray = (
+        noise * each("weight") + per_angle * rounding("by_angle").variance(phases)
+        + per_position * rounding("by_position").variance((noise + jitter * step**2) / per_position))
+    return variances
 
 
-def _crossing(trace: Trace, rising: FloatArray, level: float, count: float) -> _Crossing | None:
-    middle, first, last = (int(np.searchsorted(rising, level + side * WINDOW)) for side in (0.0, -1.0, 1.0))
+def _explaining(squares: float, freedom: float, by_rounding: Callable[[float], float]) -> float:
+    """The variance with which freedom variance + by_rounding(variance) = squares; 0 where rounding explains all."""
+    def missing(variance: float) -> float:
+        return freedom * variance + by_rounding(variance) - squares
+
+    if missing(0.0) >= 0.0:
+        return 0.0
+    most = 2.0 * squares / freedom
+    return float(scipy.optimize.brentq(missing, 0.0, most, xtol=1e-9 * most, rtol=1e-6))
+
+
+def _crossing(window: _Window, level: float, counts: _Counts) -> _Crossing | None:
+    middle, first, last = (window.reaching(level + side * WINDOW) for side in (0.0, -1.0, 1.0))
     part = slice(max(first, middle - _MOST), min(last, middle + _MOST))
-    theta, xi = trace.angle[part] - level, trace.position[part]
-    if theta.size < LEAST:
+    if part.stop - part.start < LEAST:
         return None
-    origin = float(xi[0])
-    fit = _fitted(theta, xi - origin)
-    if fit is None:
+    theta, xi = window.angle[part] - level, window.position[part]
+    seen = _observed(theta, counts.angle)
+    if seen.angle.size < LEAST or seen.rate <= 0.0:
         return None
-    position = origin + float(fit.coefficients[0])
-    if count == 0.0:
-        return _Crossing(position, 0.0, fit.weight, fit.squares, fit.freedom)
-    variance, explained = _by_quantisation(theta, fit, count)
-    width = count if fit.samples else (theta[-1] - theta[0]) / (theta.size - 1)
-    independent = (float(fit.coefficients[1]) / WINDOW * width) ** 2 / 12.0
-    return _Crossing(position, 0.5 * (variance + independent * fit.weight), fit.weight,
-                     fit.squares - 0.5 * (explained + independent * fit.freedom), fit.freedom)
-
-
-def _fitted(theta: FloatArray, xi: FloatArray) -> _Fit | None:
-    """The parabola through the observations that samples give; theta from the level."""
-    size = theta.size
-    theta, xi = _observations(theta, xi)
-    if theta.size < LEAST or not theta[0] <= 0.0 <= theta[-1]:
+    if not seen.angle[0] - 0.5 * counts.angle <= 0.0 <= seen.angle[-1]:
         return None
-    matrix = _powers(theta)
-    inverse = np.linalg.pinv(matrix.T @ matrix)
-    coefficients = inverse @ (matrix.T @ xi)
-    residuals = xi - matrix @ coefficients
-    return _Fit(coefficients, float(inverse[0, 0]), float(residuals @ residuals), theta.size - 3, theta.size == size)
+    scale = float(np.abs(seen.angle).max())
+    basis, triangle = np.linalg.qr(np.vander(seen.angle / scale, 3, increasing=True))
+    size = np.abs(np.diag(triangle))
+    if size.min() <= _SINGULAR * size.max():
+        return None
+    return _weighed(xi, seen, (basis, triangle, scale), counts)
 
 
-def _observations(theta: FloatArray, xi: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The samples; or, where the angle mostly stands still, the edges at which it rises above its peak."""
+def _observed(theta: FloatArray, count: float) -> _Observations:
+    """The samples; or, where there are fewer counts, the edges at which the angle rises above its peak."""
     peak = np.maximum.accumulate(theta)
+    if peak[-1] - peak[0] >= _EDGES_BELOW * count * (theta.size - 1):
+        every = np.arange(theta.size)
+        return _Observations(theta + 0.5 * count, every, every, edges=False)
     rises = np.diff(peak)
-    edges = np.flatnonzero(rises > 0.0)
-    if edges.size == 0 or edges.size >= (1.0 - _STANDING) * rises.size:
-        return theta, xi
-    count = float(np.median(rises[edges]))
-    first = np.minimum(peak[edges] + count, peak[edges + 1])  # the first of the edges between two samples
-    return 0.5 * (first + peak[edges + 1]), 0.5 * (xi[edges] + xi[edges + 1])
+    steps = np.flatnonzero(rises > 0.0)
+    number = np.maximum(1, np.rint(rises[steps] / count).astype(np.int64))  # edges between two samples
+    before = np.repeat(steps, number)
+    nth = 1 + np.arange(before.size) - np.repeat(np.cumsum(number) - number, number)
+    return _Observations(peak[before] + rises[before] * nth / np.repeat(number, number), before, before + 1, edges=True)
 
 
-def _by_quantisation(theta: FloatArray, fit: _Fit, count: float) -> tuple[float, float]:
-    """(variance of xi at the level, m2; mean sum of the squares of the residuals, m2) over phases of the counts."""
-    steps = np.linspace(-1.0, 1.0, theta.size)
-    smooth = np.polynomial.Polynomial.fit(steps, theta, 3)(steps)
-    xi = _powers(smooth) @ fit.coefficients
-    found, squares = [], []
-    for phase in (np.arange(PHASES) + 0.5) / PHASES:
-        again = _fitted((np.floor(smooth / count + phase) - phase) * count, xi)
-        if again is not None:
-            found.append(again.coefficients[0])
-            squares.append(again.squares)
-    return (float(np.var(found)), float(np.mean(squares))) if found else (0.0, 0.0)
+def _weighed(xi: FloatArray, seen: _Observations, fit: tuple[FloatArray, FloatArray, float],
+             counts: _Counts) -> _Crossing:
+    """The crossing of a fit: orthonormal basis, its triangle, and the angle of 1 in there, rad."""
+    basis, triangle, scale = fit
+    origin = float(xi[0])
+    position = 0.5 * (xi[seen.before] + xi[seen.after]) - origin
+    terms = basis.T @ position
+    value, slope, _ = np.linalg.solve(triangle, terms)
+    parts = np.linalg.solve(triangle.T, np.array([1.0, 0.0, 0.0]))  # the weights of the observations are basis @ parts
+    residuals = position - basis @ terms
+    of_samples = np.zeros((xi.size, 3))  # basis of the samples, of which the observations are means
+    np.add.at(of_samples, seen.before, 0.5 * basis)
+    np.add.at(of_samples, seen.after, 0.5 * basis)
+    noise_left = (0.5 if seen.edges else 1.0) * position.size - float(np.sum(of_samples**2))
+    weight = float(np.sum((of_samples @ parts) ** 2))
+
+    place, rate = seen.place, seen.rate
+    lasts = 1.0 if seen.edges else counts.angle / rate
+    motion = _smooth(seen.angle, place) if seen.edges else _smooth(place, seen.angle / rate)
+    turning = waves(motion.values / lasts)
+    feeding = waves(_smooth(np.arange(xi.size, dtype=np.float64), xi - origin).values / counts.position)
+    feeding = 0.5 * (feeding[seen.before] + feeding[seen.after])
+    turned, fed = basis.T @ turning, basis.T @ feeding
+    size = position.size
+    return _Crossing(
+        position=origin + float(value), step=float(slope) / scale * rate, lasts=lasts, weight=weight,
+        squares=float(residuals @ residuals), freedom=size - 3, noise_left=noise_left,
+        scatter=motion.squares, scatter_freedom=size - 4,
+        by_angle=of_sum(parts, turned, float(parts @ parts)), angle_left=of_rest(turning, turned, size - 3),
+        angle_scatter=of_rest(turning, motion.basis.T @ turning, size - 4),
+        by_position=of_sum(parts, fed, weight), position_left=of_rest(feeding, fed, noise_left))
 
 
-def _powers(theta: FloatArray) -> FloatArray:
-    return np.vander(theta / WINDOW, 3, increasing=True)
+def _smooth(at: FloatArray, values: FloatArray) -> _Smooth:
+    middle = 0.5 * (at[0] + at[-1])
+    basis, _ = np.linalg.qr(np.vander((at - middle) / (at[-1] - middle), 4, increasing=True))
+    smooth = basis @ (basis.T @ values)
+    return _Smooth(basis, smooth, float(np.sum((values - smooth) ** 2)))

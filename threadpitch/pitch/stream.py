@@ -73,6 +73,11 @@ class PitchStream:
         return self._starts if self._size or self._asked is None else self._asked
 
     @property
+    def turns_before(self) -> int:
+        """Whole turns between angle zero and the beginning of n = 1."""
+        return self._before
+
+    @property
     def completed(self) -> IntArray:
         """(start_angles,) number n of the last complete turn, 0 before the first."""
         return np.where(self._reached - self._known > 1, self._reached - 1, 0)

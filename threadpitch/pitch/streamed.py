@@ -9,6 +9,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
+from threadpitch.pitch.edges import EdgeStream
 from threadpitch.pitch.stored import Stored, grid, stored
 from threadpitch.pitch.stream import PitchStream
 from threadpitch.pitch.table import PitchTable
@@ -38,7 +39,8 @@ class StreamedPitch:
 class GroupStream:
     """A group of a log while its pieces come: what ``Trace`` checks of a whole group, and a ``PitchStream``."""
 
-    def __init__(self, group: Group, start_angles: ArrayLike | None, interval: float | None = None) -> None:
+    def __init__(self, group: Group, start_angles: ArrayLike | None, interval: float | None = None, *,
+                 edges: bool = False) -> None:
         self.group = group
         self._asked, self._interval = start_angles, interval
         self._factor = 1.0
@@ -48,6 +50,8 @@ class GroupStream:
         limit = self._factor * reversal_limit(group.resolution)
         self.pitches = PitchStream(start_angles, limit=limit, label=self._label, source=group.source,
                                    margin=None if group.margin is None else self._factor * group.margin)
+        self._by_edges = edges
+        self._edges: EdgeStream | None = None  # from the first sample on
         self._time = -math.inf  # of the last sample
         self._ends = [math.nan, math.nan]  # first and last angle
 
@@ -72,6 +76,11 @@ class GroupStream:
                              factors=(coming.angle_factor, coming.position_factor))
         else:
             self.pitches.add(coming.angle * self._factor, coming.position, coming.lines)
+        if self._by_edges and coming.size:
+            if self._edges is None:
+                self._edges = EdgeStream(self.pitches.start_angles, self.pitches.turns_before, self.group.resolution,
+                                         self._label)
+            self._edges.add(coming.angle, coming.position)
 
     def result(self) -> StreamedPitch:
         """The pitches of the whole group.
@@ -95,17 +104,20 @@ class GroupStream:
             table = points.pitch_table((0.0,) if self._asked is None else self._asked)
             table = replace(table, notes=(*table.notes, *beginning))
         notes = tuple(note for note in (*self.group.all_notes(), *table.notes, table.standstill()) if note)
-        return StreamedPitch(self.group.label, replace(table, notes=notes), points, self._ends[0])
+        table = replace(table, notes=notes)
+        return StreamedPitch(self.group.label, table if self._edges is None else self._edges.table(table), points,
+                             self._ends[0])
 
 
 def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
-                   signals: Signals | None = None, *, interval: float | None = None,
+                   signals: Signals | None = None, *, interval: float | None = None, edges: bool = False,
                    told: Callable[[int], None] | None = None,
                    taken: Callable[[str, Samples], None] | None = None) -> list[StreamedPitch]:
     """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece,
     ``taken`` gets the samples themselves with the label of its group.
 
-    With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``).
+    With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``); with ``edges``
+    crossings are those of ``edge_pitch_table``.
 
     Raises:
         TraceError: the log cannot be read (``read_groups``), or something is asked for that needs the whole.
@@ -120,7 +132,7 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
             if now is None or now.group is not group:
                 if now is not None:
                     found.append(now.result())
-                now = GroupStream(group, start_angles, interval)
+                now = GroupStream(group, start_angles, interval, edges=edges)
             now.add(coming)
             if taken is not None:
                 taken(group.label, coming)
