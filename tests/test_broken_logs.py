@@ -56,6 +56,8 @@ BROKEN: dict[str, tuple[bytes, str]] = {
     "picture.png": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + b"\0" * 90, "is not a text file"),
     "gigantic line.csv": (HEADER.encode() + b"\n" + b"1" * 3_000_000, "a line of more than 65536 characters"),
     "gigantic header.csv": (b"a," * 500_000, "a line of more than 65536 characters"),
+    "names with blanks.txt": (log(head="time revs z mm pass of all", rows=good(separator="  ")),
+                              "4 fields where the header has 7"),
     "truncated.csv.gz": (PACKED[: len(PACKED) // 2], "the compressed file ends too early"),
     "head of gz.csv.gz": (PACKED[:6], "the compressed file ends too early"),
     "damaged.csv.gz": (PACKED[:3000] + b"\xff" * 40 + PACKED[3040:], "the compressed file is damaged"),

@@ -91,5 +91,5 @@ def test_a_thread_whose_lead_changes_has_targets_turn_by_turn(threadpitch: Comma
     for changed, message in (((*options[:-4], "--lead-change", 0.02), "give it with --target in mm"),
                              ((*options, "--thread", "M20x1.5-6g"), "leave --thread or --lead-change out"),
                              ((*options[:-1], -0.1), "falls to nothing within 20 turns"),
-                             ((".", *options[-4:]), "--lead-change belongs to a log")):
+                             ((".", *options[-2:]), "--lead-change belongs to a log")):
         assert_one_line(threadpitch("report", *changed).err, message)

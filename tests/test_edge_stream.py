@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from tests.test_pitch_stream import STARTS, shaken
 from tests.test_signals import COUNTS, TIME, Z, write
 from threadpitch.pitch import PitchError, PitchTable, edge_pitch_table, pitch_tables, stream_pitches
-from threadpitch.pitch.edges import _MOST, EdgeStream
+from threadpitch.pitch.edge_stream import EdgeStream
+from threadpitch.pitch.edges import MOST
 from threadpitch.pitch.recorded import pitch_table
 from threadpitch.pitch.rounding import LOOKED_AT
 from threadpitch.trace import TURN, ColumnChoice, FloatArray, Signals, Trace, array_files, text_rows
@@ -63,7 +64,7 @@ def test_what_is_kept_does_not_grow() -> None:
     for first in range(0, angle.size, 5000):
         edges.add(angle[first : first + 5000], position[first : first + 5000])
         most = max(most, edges._window.angle.size)
-    assert most <= max(LOOKED_AT, 2 * _MOST) + 5000
+    assert most <= max(LOOKED_AT, 2 * MOST) + 5000
     assert_equal(edges.table(linear), edge_pitch_table(trace, (0.0, 30.0)))
 
 

@@ -130,6 +130,11 @@ TEXTS = {
     "comments": csv(["# made by hand", "# at noon", "time,spindle_revs,z_mm,pass", "% 1.5 mm", "", "// begin"]),
     "row of units": csv(["time\tspindle\tz\tpass", "s\trev\tmm\t-"], "\t"),
     "blanks": csv(["time  spindle_revs z_mm   pass"], "  "),
+    "blanks and brackets": csv(["Time [s]  Spindle angle [rev]  Z [mm]  Pass"], "   "),
+    "single blanks": csv(["Time (s) Spindle angle (rev) Z axis (mm) Pass [-]"], " "),
+    "commas in the header": csv(["Zeit, s   Spindelwinkel, rev   Z, mm   Pass"], "  ", comma=True),
+    "units below blanks": csv(["time  spindle angle  z axis  pass", "  s    rev   mm  -"], "    "),
+    "comment over decimal commas": csv(["# Zeit [s]  Spindel [rev]  Z [mm]  Pass [-]"], "  ", comma=True),
     "header in a comment": csv(["# LinuxCNC", "# time spindle_revs z_mm pass"], " "),
 }
 

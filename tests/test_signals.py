@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,9 @@ from hypothesis import strategies as st
 
 from threadpitch.pitch import pitch_tables, stream_pitches, thread_pitch
 from threadpitch.trace import TURN, ColumnChoice, FloatArray, Signals, TraceError, text_rows
+from threadpitch.trace.conditioned import Samples
 from threadpitch.trace.signals import Continuous
+from threadpitch.trace.standing import Standing
 
 TIME: FloatArray = 1e-3 * np.arange(3000.0)
 REVS: FloatArray = 8.0 * TIME + 0.05 * np.sin(11.0 * TIME)
@@ -221,3 +224,75 @@ def test_a_log_in_pieces_gives_the_bits_of_the_whole(tmp_path: Path, monkeypatch
 def test_signals_that_cannot_be_are_refused(signals: dict[str, Any], message: str) -> None:
     with pytest.raises(TraceError, match=message):
         Signals(**signals)
+
+
+def stuck(first: int, last: int) -> FloatArray:
+    """The angle when its sensor stands between two samples, and the turns in between are lost."""
+    steps = np.diff(REVS, prepend=REVS[0])
+    steps[first + 1 : last] = 0.0
+    angle: FloatArray = REVS[0] + np.cumsum(steps)
+    return angle
+
+
+def test_an_angle_that_is_stuck_for_a_while_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "log.csv", time_s=TIME, revs=stuck(1000, 1200), z_mm=Z)
+    moved = Z[1199] - Z[1000]  # 1.6 turns
+    expected = ("the angle stands still from line 1002 (1 s) to line 1201 (1.199 s), "
+                f"{REVS[1000] - REVS[0]:.1f} turns after the first sample, while the position moves by "
+                f"{moved:.4g} mm")
+    found = set()
+    for block in (text_rows.BLOCK, 3000, 777):
+        monkeypatch.setattr(text_rows, "BLOCK", block)
+        (streamed,) = stream_pitches(path, ColumnChoice())
+        (whole,) = pitch_tables(path, ColumnChoice())
+        found |= {streamed.table.notes, whole.table.notes}
+        assert streamed.table.pitch.max() > 2.5 * 1.5e-3
+    (notes,) = found
+    assert sum(expected in note for note in notes) == 1
+
+
+@pytest.mark.parametrize("last", [1030, 1110])
+def test_a_short_stand_of_the_angle_is_not_named(tmp_path: Path, last: int) -> None:
+    """The feed moves by less than in a turn."""
+    path = write(tmp_path / "log.csv", time_s=TIME, revs=stuck(1000, last), z_mm=Z)
+    _, notes = read(path, ColumnChoice())
+    assert not any("stands still" in note for note in notes)
+
+
+@settings(deadline=None, max_examples=150)
+@given(seed=st.integers(0, 2**32 - 1), borders=st.lists(st.integers(0, 400), max_size=8), end=st.booleans())
+def test_stands_are_the_same_in_pieces(seed: int, borders: list[int], end: bool) -> None:
+    random = np.random.default_rng(seed)
+    lengths = random.integers(1, 60, 40)
+    angle = np.repeat(np.cumsum(random.uniform(0.1, 3.0, lengths.size)), lengths)[:400]
+    angle[380:] = angle[380] if end else angle[380:]
+    position = np.cumsum(random.uniform(0.0, 1e-3, angle.size))
+    cuts = sorted(min(border, angle.size) for border in borders)
+    pieces, whole = Standing(), Standing()
+    whole.add(Samples(angle, 0.1, position, 1e-3))
+    for a, b in zip([0, *cuts], [*cuts, angle.size], strict=True):
+        pieces.add(Samples(angle[a:b], 0.1, position[a:b], 1e-3))
+    assert pieces.notes() == whole.notes()
+    assert whole.notes() == of_every_stretch(angle, position)
+
+
+def of_every_stretch(angle: FloatArray, position: FloatArray) -> list[str]:
+    """The same by looking at every sample."""
+    borders = [0, *(np.flatnonzero(np.diff(angle)) + 1).tolist(), angle.size]
+    runs = list(pairwise(borders))
+    moved = [1e-3 * float(position[b - 1] - position[a]) for a, b in runs]
+    turns = 0.1 * float(angle[-1] - angle[0]) / TURN
+    inner = [i for i, (a, b) in enumerate(runs[:-1]) if b - a >= 16]
+    chosen = [max(inner, key=lambda i: moved[i])] if inner else []
+    found = []
+    for i in [*chosen, len(runs) - 1]:
+        a, b = runs[i]
+        elsewhere = 1e-3 * float(position[a] - position[0] + position[-1] - position[b - 1])
+        if turns >= 1.0 and moved[i] > elsewhere / turns:
+            place = "at the end" if i == len(runs) - 1 else (
+                f"from sample {a} to sample {b - 1}, {0.1 * (angle[a] - angle[0]) / TURN:.1f} turns after the first "
+                "sample")
+            found.append(f"the angle stands still {place}, while the position moves by {1e3 * moved[i]:.4g} mm: is its "
+                         "sensor stuck, or did the spindle stop?"
+                         + ("" if i == len(runs) - 1 else " P(n) of that turn holds this movement too"))
+    return found

@@ -145,10 +145,10 @@ def test_a_simulation_and_measured_pitches_are_kept(workplace: Path, threadpitch
 
 def test_a_resumed_simulation_is_kept_whole(workplace: Path, threadpitch: Command) -> None:
     """As the run that never ended: its passes, its verdict, and its revolutions, those before the checkpoint too."""
-    common = ("--start-angle", "0", "--machine", "Lathe 3", "--thread", "M20x1.5", "--json")
-    assert threadpitch("run", *common, "--stop-time", "1.2", "--store", "runs.db").status == 0
-    assert threadpitch("run", *common, "--stop-time", "0.7", "--checkpoint", "state").status == 0
-    resumed = threadpitch("resume", "state", "--stop-time", "1.2", *common[2:], "--store", "runs.db")
+    run, kept = ("run", "--start-angle", "0"), ("--machine", "Lathe 3", "--thread", "M20x1.5", "--store", "runs.db")
+    assert threadpitch(*run, *kept, "--stop-time", "1.2").status == 0
+    assert threadpitch(*run, "--stop-time", "0.7", "--checkpoint", "state").status == 0
+    resumed = threadpitch("resume", "state", "--stop-time", "1.2", *kept, "--json")
     assert (resumed.status, resumed.err) == (0, "")
     assert json.loads(resumed.out)["stored"]["run"] == 2
     with open_store("runs.db") as store:
@@ -161,6 +161,9 @@ def test_a_resumed_simulation_is_kept_whole(workplace: Path, threadpitch: Comman
     assert [one.summary.machine for one in runs] == ["Lathe 3"] * 2
     assert runs[0].verdict == runs[1].verdict
     assert runs[0].verdict is not None
+    refused = threadpitch("resume", "state", "--machine", "Lathe 3")
+    assert refused.status == 2
+    assert_one_line(refused.err, "--machine is kept with a run; give --store or --publish too")
     for first, second in zip(runs[0].passes, runs[1].passes, strict=True):
         np.testing.assert_array_equal(first.table.pitch, second.table.pitch)
 

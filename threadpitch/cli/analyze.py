@@ -16,9 +16,18 @@ from threadpitch.cli.judging import Findings, Judged, find, findings_document, s
 from threadpitch.cli.kept import Keeper, keeping_run, stored_line
 from threadpitch.cli.log_options import Latency, LogOptions, Outlier
 from threadpitch.cli.option_records import with_option_records
-from threadpitch.cli.options import AsJson, StartAngles, number, radians
-from threadpitch.cli.printing import counting, fail, print_json, printing
-from threadpitch.cli.store_options import NOT_KEPT, KeepOptions
+from threadpitch.cli.options import (
+    OF_THREAD,
+    WITHOUT_MEASURED,
+    WITHOUT_THREAD,
+    AsJson,
+    StartAngles,
+    number,
+    radians,
+    refuse,
+)
+from threadpitch.cli.printing import ReadingLine, fail, print_json, printing
+from threadpitch.cli.store_options import NOT_KEPT, KeepOptions, refuse_labels_of_nothing
 from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch_table, pitch_tables, stream_pitches
 from threadpitch.tables import analysis_document, show_groups
 from threadpitch.trace import ColumnChoice, Signals
@@ -26,8 +35,12 @@ from threadpitch.trace import ColumnChoice, Signals
 CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 
 
+_OF_MEASURED = ("uncertainty", "negligible", "ball_screw", "lead_change", "following_error", "expected_lag")
+
+
 @with_option_records
 def analyze(
+    context: typer.Context,
     log: Annotated[Path, typer.Argument(
         metavar="LOG", help="Log of a machine: CSV and other text (plain, .gz, or - for standard input), Parquet, "
                             "HDF5, MAT, TDMS, MDF.")],
@@ -76,6 +89,11 @@ def analyze(
     as_json: AsJson = False,
 ) -> None:
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
+    if measured is None:
+        refuse(context, _OF_MEASURED, WITHOUT_MEASURED)
+    if thread is None:
+        refuse(context, OF_THREAD, WITHOUT_THREAD)
+    refuse_labels_of_nothing(context)
     screw = of_log.screw_lead if ball_screw is None else ball_screw
     asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement, expected_lag, negligible,
                    lead_change)
@@ -125,15 +143,16 @@ class Reading:
 def _groups(reading: Reading, keeper: Keeper | None) -> Sequence[GroupPitch | StreamedPitch]:
     log, choice, starts, signals = reading.log, reading.choice, reading.start_angles, reading.signals
     if reading.whole:
-        with counting("reading") as told:
-            found = pitch_tables(log, choice, starts, signals, CROSSINGS[reading.crossing], told=told)
+        with ReadingLine("reading") as line:
+            found = pitch_tables(log, choice, starts, signals, CROSSINGS[reading.crossing], told=line.told,
+                                 read=line.read)
         if keeper is not None:
             for group in found:
                 keeper.sample(group.label, group.trace)
         return found
-    with counting("reading") as told:
+    with ReadingLine("reading") as line:
         return stream_pitches(log, choice, starts, signals, interval=reading.interval,
-                              edges=reading.crossing == "edges", told=told,
+                              edges=reading.crossing == "edges", told=line.told, read=line.read,
                               taken=None if keeper is None else keeper.sample)
 
 

@@ -104,8 +104,6 @@ def _check(asked: Judged) -> None:
                                 ("--ball-screw", asked.screw_lead_mm, "mm")):
         if value is not None and not value > 0.0:
             fail(f"{option} is {value:g} {unit}; give a positive length")
-    if asked.lead_change_mm and asked.measured is None:
-        fail("--lead-change belongs to measured pitches; give them with --measured FILE")
     if not 0.0 < asked.limit_percent <= 100.0:
         fail(f"--limit is {asked.limit_percent:g} %; give a share of the tolerance above 0 and up to 100 %")
 

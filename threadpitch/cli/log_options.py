@@ -24,7 +24,8 @@ class LogOptions:
     position: Annotated[str | None, typer.Option(
         metavar="COLUMN", help="Column of the feed's position.", show_default="by its name")] = None
     angle_unit: Annotated[str | None, typer.Option(
-        metavar="rev|deg|rad|count", help="Unit of the angle.", show_default="of the header, else rev")] = None
+        metavar="rev|deg|rad|count", help="Unit of the angle.",
+        show_default="of the header, else what the samples tell, else rev")] = None
     position_unit: Annotated[str | None, typer.Option(
         metavar="mm|m|um|inch", help="Unit of the position; with --screw-lead rev, deg, rad or count.",
         show_default="of the header, else mm")] = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -29,6 +29,11 @@ SEVERAL = {
     "--isolate": r"[^-/\\.][^/\\.]*",
     "--platform": r"(linux|win|darwin)(64|-arm64)|(x86_64|aarch64)-[a-z]+",
 }
+
+# Why an option would do nothing
+WITHOUT_MEASURED = "belongs to measured pitches; give them with --measured FILE, or leave it out"
+WITHOUT_THREAD = "belongs to the tolerance of a thread; give it with --thread like M20x1.5-6g, or leave it out"
+OF_THREAD = ("limit", "engagement")
 
 STORE = "--store"
 # What may follow --store; anything else is the next argument, as in `threadpitch run --store models/threading_lathe`
@@ -104,6 +109,19 @@ Scheduler = Annotated[str | None, typer.Option(
     metavar="ADDRESS", help="Dask scheduler that runs already, such as tcp://host:8786.")]
 AsJson = Annotated[bool, typer.Option(
     "--json", metavar="", help="Print one JSON document on standard output (mm, degrees, s).")]
+
+
+def refuse(context: typer.Context, parameters: Iterable[str], why: str) -> None:
+    """Parameters of a command that would do nothing as it is called.
+
+    Raises:
+        LatheError: one of them was written on the command line.
+    """
+    names = {one.name: one.opts[0] for one in context.command.params}
+    for parameter in parameters:
+        source = context.get_parameter_source(parameter)
+        if source is not None and source.name == "COMMANDLINE":
+            raise lathe.LatheError(f"{names[parameter]} {why}")
 
 
 def indexing(name: str) -> cycles.Indexing:

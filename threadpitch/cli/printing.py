@@ -6,12 +6,14 @@ import contextlib
 import json
 import os
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
-from typing import NoReturn
+from typing import NoReturn, Self
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from threadpitch import lathe
 from threadpitch.fmu import NO_COMPILER
@@ -19,6 +21,9 @@ from threadpitch.tables import printable
 
 BAD_INPUT = 2
 CLOSED_PIPE = 1
+_SOON = 0.5  # s; what is read in less shows no bar, which would only flicker
+_WAITING = 2.0  # s, without anything that is read
+_WIDEST_BAR, _NARROWEST_BAR, _BESIDE_THE_BAR = 40, 4, 42  # characters
 
 
 class progress:  # noqa: N801 -- used as a function: with progress("simulating") as told
@@ -38,15 +43,48 @@ class progress:  # noqa: N801 -- used as a function: with progress("simulating")
         self._bar.stop()
 
 
-@contextlib.contextmanager
-def counting(label: str) -> Iterator[Callable[[int], None]]:
-    """A line on standard error that counts samples as they are told; nothing where that is no terminal."""
-    console = Console(stderr=True)
-    line = Progress(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:,} samples"),
-                    TimeElapsedColumn(), console=console, transient=True, disable=not console.is_terminal)
-    task = line.add_task(label, total=None)
-    with line:
-        yield lambda samples: line.advance(task, samples)
+class ReadingLine:
+    """A line on standard error while a log is read: samples and, where it is known, share and time that remains.
+
+        with ReadingLine("reading") as line:
+            stream_pitches(log, choice, told=line.told, read=line.read)
+
+    It comes when reading goes on for longer, or when nothing comes; nothing where standard error is no terminal.
+    """
+
+    def __init__(self, label: str) -> None:
+        console = Console(stderr=True)
+        room = min(max(console.width - _BESIDE_THE_BAR, _NARROWEST_BAR), _WIDEST_BAR)
+        self._line = Progress(TextColumn("{task.description}"), BarColumn(room), TaskProgressColumn(),
+                              TextColumn("{task.fields[samples]:,} samples"), TimeRemainingColumn(compact=True),
+                              console=console, transient=True, disable=not console.is_interactive)
+        self._task = self._line.add_task(label, total=None, samples=0)
+        self._samples = 0
+        self._since: float | None = None  # when the first piece was read, and what is compiled was loaded
+        self._waiting = threading.Timer(_WAITING, self._line.start)
+        self._waiting.daemon = True
+
+    def told(self, samples: int) -> None:
+        """So many more are read."""
+        self._samples += samples
+        self._line.update(self._task, samples=self._samples)
+        if self._since is None:
+            self._since = time.monotonic()
+        elif time.monotonic() - self._since > _SOON:
+            self._line.start()
+
+    def read(self, share: float) -> None:
+        """So much of the log is read, 0 to 1."""
+        self._line.update(self._task, completed=share, total=1.0)
+
+    def __enter__(self) -> Self:
+        self._waiting.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._waiting.cancel()
+        self._waiting.join()  # it may be about to begin
+        self._line.stop()
 
 
 @contextlib.contextmanager

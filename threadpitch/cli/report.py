@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated
 
@@ -14,8 +15,8 @@ from threadpitch.cli.analyze import CROSSINGS
 from threadpitch.cli.judging import NO_TOLERANCE
 from threadpitch.cli.log_options import Latency, LogOptions, Outlier
 from threadpitch.cli.option_records import with_option_records
-from threadpitch.cli.options import StartAngles, number, radians
-from threadpitch.cli.printing import counting, fail, printing
+from threadpitch.cli.options import OF_THREAD, WITHOUT_MEASURED, WITHOUT_THREAD, StartAngles, number, radians, refuse
+from threadpitch.cli.printing import ReadingLine, fail, printing
 from threadpitch.judgement.measured_file import read_measured
 from threadpitch.pitch import PitchTable, pitch_tables
 from threadpitch.report.content import Report, Thread
@@ -34,8 +35,13 @@ from threadpitch.units import to_si
 _NAMED = 3  # threads in a title
 
 
+_OF_LOG = (*(one.name for one in fields(LogOptions)), "latency", "outlier", "crossing", "start_angle", "target",
+           "lead_change")
+
+
 @with_option_records
 def report(
+    context: typer.Context,
     inputs: Annotated[list[Path], typer.Argument(
         metavar="RESULT|LOG|STUDY ...",
         help="Folder of a run, or a log; of several the curves lie over one another. Or the folder of a study.")],
@@ -79,6 +85,8 @@ def report(
     if any(is_study(path) for path in inputs):
         if len(inputs) > 1:
             fail("a study is a report of its own: give its folder alone")
+        refuse(context, (*_OF_LOG, "chosen", "measured", "uncertainty", "ball_screw", "thread", *OF_THREAD),
+               "belongs to runs and logs, not to a study; leave it out")
         result = kept(inputs[0])
         write_study(result, title, output)
         with printing():
@@ -93,8 +101,14 @@ def report(
     if measured is not None and all(path.is_dir() for path in inputs):
         fail("--measured belongs to a log; a run keeps its own verdict: leave it out, or measure the thread by "
              "threadpitch run --measure")
+    if all(path.is_dir() for path in inputs):
+        refuse(context, _OF_LOG, "belongs to a log, not to a run; leave it out")
+    if measured is None:
+        refuse(context, ("ball_screw",), WITHOUT_MEASURED)
+    if thread is None:
+        refuse(context, OF_THREAD, WITHOUT_THREAD)
     if lead_change:
-        _check_lead_change(inputs, target, thread)
+        _check_lead_change(target, thread)
     choice = of_log.choice()
     signals = of_log.signals(target, latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
     designation = None if thread is None else parse_thread(thread)
@@ -107,8 +121,9 @@ def report(
     def threads_of(path: Path) -> list[Thread]:
         if path.is_dir():
             return read_run(path, chosen, question.uncertainty)
-        with counting("reading") as told:
-            groups = pitch_tables(path, choice, starts, signals, CROSSINGS[crossing], told=told)
+        with ReadingLine("reading") as line:
+            groups = pitch_tables(path, choice, starts, signals, CROSSINGS[crossing], told=line.told,
+                                  read=line.read)
         return [log_thread(path, one, groups, question) for one in chosen_groups(groups, path, chosen)]
 
     threads = [one for path in inputs for one in threads_of(path)]
@@ -136,9 +151,7 @@ def _deviation_lines(console: Console, one: Thread) -> list[Text]:
     return deviation_lines(console, one.nominal, one.target, one.chosen)
 
 
-def _check_lead_change(inputs: Sequence[Path], target: float | None, thread: str | None) -> None:
-    if all(path.is_dir() for path in inputs):
-        fail("--lead-change belongs to a log; a run knows the lead of its turns: leave it out")
+def _check_lead_change(target: float | None, thread: str | None) -> None:
     if thread is not None:
         fail(NO_TOLERANCE)
     if target is None:

@@ -13,12 +13,13 @@ from threadpitch.cli.option_records import with_option_records
 from threadpitch.cli.options import AsJson, number
 from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, keeping, save
 from threadpitch.cli.printing import progress
-from threadpitch.cli.store_options import NOT_KEPT, KeepOptions, ThreadName
+from threadpitch.cli.store_options import NOT_KEPT, KeepOptions, ThreadName, refuse_labels_of_nothing
 from threadpitch.run_folder import check_folder
 
 
 @with_option_records
 def resume(
+    context: typer.Context,
     checkpoint: Annotated[Path, typer.Argument(metavar="FILE", help="What `threadpitch run --checkpoint` wrote.")],
     stop_time: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="Stop time in s.", show_default="of the run")] = None,
@@ -29,6 +30,7 @@ def resume(
     as_json: AsJson = False,
 ) -> None:
     """Go on with a run that was interrupted, or to a later stop time, as if it had never ended."""
+    refuse_labels_of_nothing(context, "thread")
     saved = cosim.read_checkpoint(checkpoint)
     results = saved.document["results"].get("path")
     check_folder(output, checkpoint, None if results is None else Path(results))

@@ -39,11 +39,12 @@ from threadpitch.cli.options import (
     indexing,
     number,
     radians,
+    refuse,
 )
 from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping, save
 from threadpitch.cli.printing import fail, printing, progress
 from threadpitch.cli.program import Job, run_program
-from threadpitch.cli.store_options import NOT_KEPT, KeepOptions, ThreadName
+from threadpitch.cli.store_options import NOT_KEPT, KeepOptions, ThreadName, refuse_labels_of_nothing
 from threadpitch.cosim.keeping import SAVING_TIME
 from threadpitch.cosim.values import Given
 from threadpitch.faults import fault_names, read_fault
@@ -52,9 +53,12 @@ from threadpitch.parameters import read_assignments, read_parameters
 from threadpitch.replacement import read_replacements
 from threadpitch.run_folder import check_folder
 
+_OF_PROGRAM = ("control", "dialect", "starts", "wait", "increments")
+
 
 @with_option_records
 def run(
+    context: typer.Context,
     system: Annotated[str, typer.Argument(
         metavar="SYSTEM", help="Folder with SystemStructure.ssd, an .ssd or an .ssp.")] = lathe.DEFAULT_SYSTEM,
     program: Annotated[Path | None, typer.Option(
@@ -109,6 +113,10 @@ def run(
 ) -> None:
     """Simulate a lathe that cuts a thread, print the movement per revolution and where its fluctuation comes from."""
     check_folder(output, results, checkpoint)
+    if program is None:
+        refuse(context, _OF_PROGRAM, "belongs to --program; for a run without one use --set controller.starts=2 and "
+                                     "the like")
+    refuse_labels_of_nothing(context, "thread")
     if checkpoint is None and checkpoint_every is not None:
         fail("--checkpoint-every saves nothing without --checkpoint FILE; give one")
     chosen = None if fault is None else read_fault(fault)
@@ -135,9 +143,6 @@ def run(
 
     kept = keep.asked(thread=thread, program="" if program is None else program.name)
     if program is None:
-        if control is not None:
-            fail("--control belongs to --program; for a run without one use --set controller.fluctuation_limit=0.1 and "
-                 "the like")
         with keeping_run(kept, "simulation", system) as keeper:
             simulation = simulated(output, {}, None if chosen is None else chosen.stop_time, keeper)
             if chosen is not None and not as_json:

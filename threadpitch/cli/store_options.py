@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from threadpitch.cli.kept import Asked
+from threadpitch.cli.options import refuse
 from threadpitch.runs import Labels
 from threadpitch.store import ENVIRONMENT
 
@@ -40,3 +41,14 @@ class KeepOptions:
 
 
 NOT_KEPT = KeepOptions()
+
+
+def refuse_labels_of_nothing(context: typer.Context, *more: str) -> None:
+    """Labels where no run is kept.
+
+    Raises:
+        LatheError: one of them was given.
+    """
+    if context.params["store"] is None and not context.params["publish"]:
+        refuse(context, ("machine", "program_name", "serial", "note", *more),
+               "is kept with a run; give --store or --publish too, or leave it out")

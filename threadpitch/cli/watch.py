@@ -15,9 +15,9 @@ from threadpitch.cli.judging import Findings
 from threadpitch.cli.kept import Keeper, keeping_run, stored_line
 from threadpitch.cli.log_options import LogOptions
 from threadpitch.cli.option_records import with_option_records
-from threadpitch.cli.options import AsJson, StartAngles, number, radians
+from threadpitch.cli.options import AsJson, StartAngles, number, radians, refuse
 from threadpitch.cli.printing import printing, remark
-from threadpitch.cli.store_options import NOT_KEPT, KeepOptions, ThreadName
+from threadpitch.cli.store_options import NOT_KEPT, KeepOptions, ThreadName, refuse_labels_of_nothing
 from threadpitch.pitch import GroupStream, StreamedPitch, thread_pitch
 from threadpitch.runs.events import Running, Turn
 from threadpitch.store.records import LOG
@@ -28,6 +28,7 @@ from threadpitch.units import from_si
 
 @with_option_records
 def watch(
+    context: typer.Context,
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Text log that still grows; - for standard input.")],
     of_log: LogOptions,
     target: Annotated[float | None, typer.Option(
@@ -41,6 +42,10 @@ def watch(
     as_json: AsJson = False,
 ) -> None:
     """Print each movement per revolution, with running minimum, maximum and mean, while the machine runs."""
+    if not of_log.synchronous and of_log.index_enable is None:
+        refuse(context, ("target",), "is of passes that are found; give --synchronous or --index-enable too, or leave "
+                                     "it out")
+    refuse_labels_of_nothing(context, "thread")
     choice, signals = of_log.choice(), of_log.signals(target)
     starts = radians(start_angle or [0.0])
     if idle is not None and idle < 0.0:
@@ -97,10 +102,13 @@ class _Watched:
         if not self._groups or self._groups[-1].group is not group:
             if self._keeper is None:
                 self._groups.clear()  # of a former group nothing is needed any more
+            if not self._told and (note := group.chosen.assumed_unit_note()):
+                remark(f"note: {note}")
             self._groups.append(GroupStream(group, self._starts))
             self._running, self._told = [Running() for _ in self._starts], [0 for _ in self._starts]
         now = self._groups[-1]
         now.add(samples)
+        now.check_unit()
         turns = [Turn(LOG, group.label, turn, self._starts[k], pitch)
                  for k, completed in enumerate(now.pitches.completed.tolist())
                  for turn in range(self._told[k] + 1, completed + 1)

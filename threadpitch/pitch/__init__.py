@@ -8,7 +8,7 @@ the lead, and the pitch is lead / starts.
 """
 
 from threadpitch.pitch.changing_lead import first_lead, leads_of_turns
-from threadpitch.pitch.edges import edge_pitch_table
+from threadpitch.pitch.edge_stream import edge_pitch_table
 from threadpitch.pitch.proper import thread_proper, usual
 from threadpitch.pitch.recorded import GroupPitch, pitch_table, pitch_tables, thread_pitch
 from threadpitch.pitch.stored import Stored

@@ -72,14 +72,16 @@ TableOf = Callable[[Trace, ArrayLike | None], PitchTable]
 
 def pitch_tables(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
                  signals: Signals | None = None, table: TableOf = pitch_table, *,
-                 told: Callable[[int], None] | None = None) -> list[GroupPitch]:
+                 told: Callable[[int], None] | None = None,
+                 read: Callable[[float], None] | None = None) -> list[GroupPitch]:
     """The pitches of every group of a log; ``table`` makes them of a trace: ``pitch_table`` or ``edge_pitch_table``.
 
-    ``told`` hears the number of samples of each piece that is read.
+    ``told`` hears the number of samples of each piece that is read, ``read`` what share of the log is read, 0 to 1,
+    where that is known.
 
     Raises:
         TraceError: the log cannot be read (``read_groups``).
         PitchError: a group has less than one whole turn.
     """
     return [GroupPitch(trace.name, trace, table(trace, start_angles))
-            for trace in read_groups(path, choice, signals, told=told)]
+            for trace in read_groups(path, choice, signals, told=told, read=read)]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from threadpitch.pitch.edges import EdgeStream
+from threadpitch.pitch.edge_stream import EdgeStream
 from threadpitch.pitch.stored import Stored, grid, stored
 from threadpitch.pitch.stream import PitchStream
 from threadpitch.pitch.table import PitchTable
@@ -53,6 +53,7 @@ class GroupStream:
         self._by_edges = edges
         self._edges: EdgeStream | None = None  # from the first sample on
         self._time = -math.inf  # of the last sample
+        self._began = math.nan  # time of the first sample
         self._ends = [math.nan, math.nan]  # first and last angle
 
     def add(self, coming: Samples) -> None:
@@ -67,6 +68,7 @@ class GroupStream:
             if fault is not None:
                 sample, text = fault
                 raise TraceError(f"{self.group.place(coming.lines, sample, self.pitches.size)}: {text}")
+            self._began = self._began if self.pitches.size else float(coming.time[0])
             self._time = float(coming.time[-1])
         if coming.size:
             first, last = (float(coming.angle_values[place]) * coming.angle_factor for place in (0, -1))
@@ -82,6 +84,17 @@ class GroupStream:
                                          self._label)
             self._edges.add(coming.angle, coming.position)
 
+    def check_unit(self) -> None:
+        """Whether the angle may have its unit, by the samples so far.
+
+        Raises:
+            TraceError: more turns than samples; of an assumed unit more than can be in a sample, or in the time.
+        """
+        turns = (self._ends[1] - self._ends[0]) / TURN
+        seconds = 0.0 if math.isnan(self._began) else self._time - self._began
+        if doubt := self.group.chosen.angle_unit_doubt(turns, self.pitches.size, seconds):
+            raise TraceError(f"{self._label}: {doubt}")
+
     def result(self) -> StreamedPitch:
         """The pitches of the whole group.
 
@@ -92,10 +105,7 @@ class GroupStream:
         size = self.pitches.size
         if size < 2:
             raise TraceError(f"{self._label}: {size} samples; a pitch needs two and a whole turn between them")
-        turns = (self._ends[1] - self._ends[0]) / TURN
-        if turns > size:
-            raise TraceError(f"{self._label}: {turns:.0f} turns in {size} samples; "
-                             f"{self.group.chosen.angle_unit_doubt()}")
+        self.check_unit()
         table = self.pitches.final_table()
         points = None
         if self._interval is not None:
@@ -111,10 +121,11 @@ class GroupStream:
 
 def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLike | None = (0.0,),
                    signals: Signals | None = None, *, interval: float | None = None, edges: bool = False,
-                   told: Callable[[int], None] | None = None,
+                   told: Callable[[int], None] | None = None, read: Callable[[float], None] | None = None,
                    taken: Callable[[str, Samples], None] | None = None) -> list[StreamedPitch]:
     """``pitch_tables`` in bounded memory, with the same bits; ``told`` hears the number of samples of each piece,
-    ``taken`` gets the samples themselves with the label of its group.
+    ``read`` what share of the log is read, 0 to 1, where that is known, ``taken`` gets the samples themselves with the
+    label of its group.
 
     With an ``interval`` (rad) P(n) comes out of positions that are stored at its multiples (``Stored``); with ``edges``
     crossings are those of ``edge_pitch_table``.
@@ -127,7 +138,7 @@ def stream_pitches(path: str | Path, choice: ColumnChoice, start_angles: ArrayLi
         raise TraceError("a latency that is to be estimated needs the whole log in memory; use pitch_tables")
     found: list[StreamedPitch] = []
     now: GroupStream | None = None
-    with read_pieces(path, choice, signals) as pieces:
+    with read_pieces(path, choice, signals, read=read) as pieces:
         for group, coming in pieces:
             if now is None or now.group is not group:
                 if now is not None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from threadpitch.trace import sinumerik
-from threadpitch.trace.array_log import ArrayLog, Columns
+from threadpitch.trace.array_log import ArrayLog, Chunk, Columns
 from threadpitch.trace.channels import Channel, aligned, clock_notes
 from threadpitch.trace.choice import ColumnChoice, brief, is_time, time_factor
 from threadpitch.trace.cut_off import cut_off
@@ -85,7 +85,7 @@ def _library(module: str, path: Path, extra: str) -> Any:
 
 
 def _log(path: Path, name: str, columns: Columns, choice: ColumnChoice) -> ArrayLog:
-    def guarded(wanted: Sequence[int]) -> Generator[list[Array]]:
+    def guarded(wanted: Sequence[int]) -> Generator[Chunk]:
         with _damage_named(path, name):
             yield from columns.chunks(wanted)
 
@@ -100,13 +100,16 @@ def _parquet(path: Path, choice: ColumnChoice) -> ArrayLog:
     names = [field.name for field in schema]
     units = [(field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for field in schema]
 
-    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
+    def chunks(wanted: Sequence[int]) -> Generator[Chunk]:
         chosen = [names[i] for i in wanted]
-        for part in parts:
+        for number, part in enumerate(parts):
             with parquet.ParquetFile(part) as file:
+                rows = 0
                 for group in range(file.num_row_groups):  # one by one: memory is given back only at their ends
                     for batch in file.iter_batches(batch_size=CHUNK, row_groups=[group], columns=chosen):
-                        yield [batch.column(name).to_numpy(zero_copy_only=False) for name in chosen]
+                        rows += batch.num_rows
+                        yield Chunk([batch.column(name).to_numpy(zero_copy_only=False) for name in chosen],
+                                    (number + rows / max(file.metadata.num_rows, 1)) / len(parts))
 
     return _log(path, "Parquet", Columns(names, units, chunks), choice)
 
@@ -137,7 +140,7 @@ def _hdf5(path: Path, choice: ColumnChoice) -> ArrayLog:
     names = list(found)
     clocks = [_clock_beside(name, {other: size for other, (size, _) in found.items()}) for name in names]
 
-    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
+    def chunks(wanted: Sequence[int]) -> Generator[Chunk]:
         with h5py.File(path, "r") as file:
             def vector(name: str) -> Callable[[int, int], Array]:
                 dataset, place = tables.get(name, (name, 0))
@@ -179,8 +182,8 @@ def _mat(path: Path, choice: ColumnChoice) -> ArrayLog:
     """MATLAB up to version 7: what is chosen is held in memory."""
     file = MatFile(path)
 
-    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
-        yield file.read(wanted)
+    def chunks(wanted: Sequence[int]) -> Generator[Chunk]:
+        yield Chunk(file.read(wanted))
 
     return _log(path, "MAT", Columns(file.names, [""] * len(file.names), chunks), choice)
 
@@ -200,7 +203,7 @@ def _tdms(path: Path, choice: ColumnChoice) -> ArrayLog:
     if any(isinstance(clock, Waveform) for clock in clocks):
         names, units = [*names, "time"], [*units, "s"]
 
-    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
+    def chunks(wanted: Sequence[int]) -> Generator[Chunk]:
         with nptdms.TdmsFile.open(path) as file:
             def samples(group: str, name: str, first: int, last: int) -> Array:
                 return np.asarray(file[group][name][first:last])
@@ -261,7 +264,7 @@ def _mdf(path: Path, choice: ColumnChoice) -> ArrayLog:
         names = [file.groups[g].channels[c].name for g, c in places]
         units = [file.get_channel_unit(group=g, index=c) or "" for g, c in places]  # MDF 3 keeps them in the conversion
 
-    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
+    def chunks(wanted: Sequence[int]) -> Generator[Chunk]:
         with open(path, "rb") as stream, asammdf.MDF(stream) as file:  # asammdf leaves a damaged file open
             def channel(i: int) -> Channel:
                 group, index = places[wanted[0] if i == len(places) else i]
@@ -292,7 +295,7 @@ def _sinumerik(path: Path, choice: ColumnChoice) -> ArrayLog:
     instants = [time for time, _ in sampled]
     clocks = [next(k for k, other in enumerate(instants) if np.array_equal(one, other)) for one in instants]
 
-    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
+    def chunks(wanted: Sequence[int]) -> Generator[Chunk]:
         def channel(i: int) -> Channel:
             own = wanted[0] if i == len(names) else i
             time = instants[own]

@@ -12,7 +12,16 @@ from threadpitch.trace.passes import Array, Cutter, Piece
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import FloatArray
 
-Chunks = Callable[[Sequence[int]], Generator[list[Array]]]  # the columns asked for, (rows,) each, chunk by chunk
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Neighbouring rows of a log."""
+
+    columns: list[Array]  # those that were asked for, (rows,) each
+    share: float = 1.0  # of the log that is read with them, 0 to 1
+
+
+Chunks = Callable[[Sequence[int]], Generator[Chunk]]  # the columns asked for, chunk by chunk
 
 
 @dataclass(frozen=True)
@@ -23,7 +32,7 @@ class Columns:
     units: Sequence[str]
     chunks: Chunks
     ends_with_time: bool = False  # the last column is the time of the angle
-    usual_angle: str = "rev"  # unit of an angle that has none
+    usual_angle: str = ""  # unit of an angle that has none, where the format tells it
     notes: Callable[[Chosen], tuple[str, ...]] = lambda _: ()
 
 
@@ -44,7 +53,8 @@ class ArrayLog:
         self.chosen = replace(chosen, notes=(*chosen.notes, *columns.notes(chosen)))
         self._names = list(columns.names)
         self._chunks = columns.chunks
-        self._open: Generator[list[Array]] | None = None
+        self._open: Generator[Chunk] | None = None
+        self.share: float | None = None
 
     def close(self) -> None:
         """Close the file."""
@@ -57,10 +67,11 @@ class ArrayLog:
         cutter = Cutter(self.source, self.chosen, self._names)
         rows = 0
         self._open = self._chunks(wanted)
-        for arrays in self._open:
-            columns = dict(zip(wanted, arrays, strict=True))
+        for chunk in self._open:
+            self.share = chunk.share
+            columns = dict(zip(wanted, chunk.columns, strict=True))
             first = columns[self.chosen.angle]
-            if any(array.shape != first.shape or array.ndim != 1 for array in arrays):
+            if any(array.shape != first.shape or array.ndim != 1 for array in chunk.columns):
                 raise TraceError(f"{self.source}: {lengths_differ(self._names, columns)}")
             groups = None if self.chosen.group is None else columns[self.chosen.group]
             yield from cutter.pieces(first.size, groups, self._reader(columns))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from threadpitch.trace.array_log import lengths_differ
+from threadpitch.trace.array_log import Chunk, lengths_differ
 from threadpitch.trace.choice import Chosen, brief
 from threadpitch.trace.passes import Array
 from threadpitch.trace.recording import TraceError
@@ -37,7 +37,7 @@ def clock_notes(clocks: Sequence[Hashable]) -> Callable[[Chosen], tuple[str, ...
     return lambda chosen: (OWN_CLOCK,) if clocks[chosen.angle] != clocks[chosen.position] else ()
 
 
-def aligned(channels: Sequence[Channel], step: int) -> Generator[list[Array]]:
+def aligned(channels: Sequence[Channel], step: int) -> Generator[Chunk]:
     """The channels, (rows,) each, at the instants of the first, ``step`` samples of it at a time.
 
     Raises:
@@ -61,8 +61,8 @@ def aligned(channels: Sequence[Channel], step: int) -> Generator[list[Array]]:
             instants = _rising(first.instants(start, stop), first.name)
             part = slice(int(np.searchsorted(instants, begin)), int(np.searchsorted(instants, end, side="right")))
         if part.start < part.stop:
-            yield [followers[one.name].at(instants[part]) if one.name in followers
-                   else one.read(start + part.start, start + part.stop) for one in channels]
+            yield Chunk([followers[one.name].at(instants[part]) if one.name in followers
+                         else one.read(start + part.start, start + part.stop) for one in channels], stop / first.size)
 
 
 def _common(channels: Sequence[Channel]) -> tuple[float, float]:

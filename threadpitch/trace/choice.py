@@ -20,6 +20,9 @@ _LAST_WORD = re.compile(r"(?P<name>.*?)\s*(?:_|\s/\s*|/)(?P<unit>[^_/\s]+)\s*")
 _UNIT_WORDS = {"revs", "rev", "turns", "revolutions", "counts", "umdrehungen"}
 _LISTED = 12  # columns that a message lists
 _SHOWN = 40  # characters of a text from a file that a message shows
+_FEW_TURNS = 3.0  # too few to tell a speed, where the time is that of a computer
+FASTEST = units.to_si(30_000.0, "rpm")  # that a spindle turns
+_MOST_ASSUMED = 0.5  # turns per sample, of an angle whose unit nothing tells: more is aliasing
 _TIMES = {"s", "ms", "us", "min"}
 _ANGLES = {"rev", "deg", "rad", "count"}
 _LENGTHS = {"mm", "m", "um", "inch", "nm"}
@@ -36,8 +39,9 @@ class ColumnChoice:
     """Which columns of a log are which, and their units; names as in the header, or numbers from 1.
 
     Without ``angle`` or ``position`` they are found by their names and units, and then ``group`` too. Units that are
-    not given are those of the header (``Z [mm]``, ``z_mm``), else rev and mm. ``angle_unit``: rev, deg, rad, or count,
-    which needs ``counts_per_turn``. Without ``group`` all rows are one group, called 1. Without ``time`` a column that
+    not given are those of the header (``Z [mm]``, ``z_mm``), else mm, and of the angle that which its samples tell
+    (``angle_unit``), else rev, or count with ``counts_per_turn``. ``angle_unit``: rev, deg, rad, or count, which needs
+    ``counts_per_turn``. Without ``group`` all rows are one group, called 1. Without ``time`` a column that
     is called time or t, with or without its unit, is taken.
 
     With ``angle_b`` the columns angle and angle_b are the levels A and B of an incremental encoder, which are counted;
@@ -97,6 +101,8 @@ class Chosen:
     index_enable: int | None = None
     following_error: str | None = None  # name of its column; read only where it is asked for
     command: str | None = None  # name of the column of the commanded position, likewise
+    angle_name: str = ""  # of its column
+    angle_unit_is_assumed: bool = False  # nothing tells it
 
     @property
     def numbers(self) -> dict[str, int]:
@@ -121,10 +127,27 @@ class Chosen:
         """``m = factor * value``."""
         return position_factor(self.position_unit)
 
-    def angle_unit_doubt(self) -> str:
-        """What to say where the angle makes more turns than can be."""
+    def assumed_unit_note(self) -> str:
+        """That nothing tells the unit of the angle, and which is taken; empty where it is told."""
+        if not self.angle_unit_is_assumed:
+            return ""
+        return (f"angle: column {brief(self.angle_name)} has no unit: taken as {self.angle_unit}; --angle-unit "
+                "overrules it")
+
+    def angle_unit_doubt(self, turns: float, size: int, seconds: float = 0.0) -> str:
+        """What to say where so many turns cannot be in so many samples, or s, where they are known; else empty.
+
+        An assumed unit is doubted sooner.
+        """
+        assumed = self.angle_unit_is_assumed
+        if assumed and turns > _FEW_TURNS and seconds > 0.0 and TURN * turns / seconds > FASTEST:
+            said = f"{turns:.0f} turns in {seconds:.4g} s"
+        elif turns > (_MOST_ASSUMED if assumed else 1.0) * size:
+            said = f"{turns:.0f} turns in {size} samples"
+        else:
+            return ""
         other = "deg or count" if self.angle_unit == "rev" else "rev, deg, rad or count"
-        return f"is the unit of the angle really {self.angle_unit}? Give it: --angle-unit {other}"
+        return f"{said}; is the unit of the angle really {self.angle_unit}? Give it: --angle-unit {other}"
 
     @property
     def time_factor(self) -> float:
@@ -160,10 +183,10 @@ def brief(text: str) -> str:
 
 
 def choose(place: str, header: Sequence[str], choice: ColumnChoice, stated: Sequence[str] = (),
-           usual_angle: str = "rev") -> Chosen:
+           usual_angle: str = "") -> Chosen:
     """The columns of a log with this header; ``stated``: units that the file gives beside the names, "" for none.
 
-    ``usual_angle`` is the unit of an angle that has none.
+    ``usual_angle`` is the unit of an angle that has none, where the format tells it; else rev is assumed.
 
     Raises:
         TraceError: a column is not there, or more than once, or cannot be told from the others.
@@ -179,9 +202,10 @@ def choose(place: str, header: Sequence[str], choice: ColumnChoice, stated: Sequ
     guess = choice.angle is None or choice.position is None
     if guess and choice.group is None and choice.index_enable is None:
         named["group"] = _guess_group(names)
-    angle_unit = choice.angle_unit or (told[angle] if told[angle] in _ANGLES else usual_angle)
-    if choice.angle_b is not None:
-        angle_unit = "count"
+    known = choice.angle_unit or (told[angle] if told[angle] in _ANGLES else usual_angle)
+    known = known or ("count" if choice.counts_per_turn is not None else "")
+    angle_unit = "count" if choice.angle_b is not None else known or "rev"
+    assumed = not known and choice.angle_b is None
     if angle_unit == "count" and choice.counts_per_turn is None:
         raise TraceError(f"{place}: the angle in column {brief(names[angle])} is counts; give the counts per turn "
                          "(lines of the encoder times 4)")
@@ -190,14 +214,19 @@ def choose(place: str, header: Sequence[str], choice: ColumnChoice, stated: Sequ
     notes = []
     if guess:
         group = named["group"]
-        notes.append(f"columns by their names: angle {brief(names[angle])} in {angle_unit}, position "
-                     f"{brief(names[position])} in {position_unit}"
+        notes.append(f"columns by their names: angle {brief(names[angle])}{'' if assumed else f' in {angle_unit}'}, "
+                     f"position {brief(names[position])} in {position_unit}"
                      + (f", passes by {brief(names[group])}" if group is not None else ""))
     time_unit = told[time] if time is not None and told[time] in _TIMES else "s"
     return Chosen(angle, position, named["group"], time, angle_unit, position_unit, time_unit, choice.counts_per_turn,
                   tuple(notes), choice.time is None, named["angle_b"], named["index"], named["index_enable"],
-                  *(None if column is None or names.count(names[column]) > 1 else names[column] for column in
-                    (beside(names, position, "following error"), beside(names, position, "command"))))
+                  _single(names, beside(names, position, "following error")),
+                  _single(names, beside(names, position, "command")), names[angle], assumed)
+
+
+def _single(names: list[str], column: int | None) -> str | None:
+    """The name of a column, where no other has it."""
+    return None if column is None or names.count(names[column]) > 1 else names[column]
 
 
 def is_time(name: str) -> bool:

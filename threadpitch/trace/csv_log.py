@@ -18,7 +18,7 @@ from threadpitch.trace.passes import Array, Cutter, Piece
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import FloatArray
 from threadpitch.trace.text_head import Head
-from threadpitch.trace.text_rows import Block, Text, headed, split
+from threadpitch.trace.text_rows import Block, Place, Text, headed, split
 
 
 class TextLog:
@@ -29,8 +29,9 @@ class TextLog:
             NaN in a number, rows of unequal length, no threading row.
     """
 
-    def __init__(self, source: str, texts: Generator[str], choice: ColumnChoice) -> None:
+    def __init__(self, source: str, texts: Generator[str], choice: ColumnChoice, place: Place | None = None) -> None:
         self.source = source
+        self._place = place or Place()
         self._file = texts
         self._texts = headed(texts, source)
         try:
@@ -38,6 +39,11 @@ class TextLog:
         except BaseException:
             self.close()
             raise
+
+    @property
+    def share(self) -> float | None:
+        """Of the file's bytes that are read, 0 to 1, where their number is known."""
+        return self._place.share
 
     def close(self) -> None:
         """Close the file."""

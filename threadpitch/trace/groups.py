@@ -14,14 +14,9 @@ from threadpitch.trace.conditioned import Samples, scaled
 from threadpitch.trace.passes import Piece
 from threadpitch.trace.quadrature import LevelError, Quadrature
 from threadpitch.trace.recording import IntArray, TraceError
-from threadpitch.trace.signals import (
-    NEVER,
-    Clock,
-    Continuous,
-    Signals,
-    Standing,
-)
+from threadpitch.trace.signals import NEVER, Clock, Continuous, Signals
 from threadpitch.trace.soundness import TURN, FloatArray
+from threadpitch.trace.standing import Standing
 
 _HALF_A_TURN = 0.5 * TURN
 _WITHIN = 0.999
@@ -47,7 +42,7 @@ class Group:
         self._position = Continuous("position", signals.position_wrap, math.inf)
         self._position_factor = signals.position_factor(chosen.position_unit)
         self._clock = Clock()
-        self._end = Standing()
+        self._standing = Standing()
         self._levels = None if chosen.angle_b is None else Quadrature(chosen.counts_per_turn or turn)
         self._first: float | None = None
         self._sign = 0.0  # of the angle's first half turn
@@ -94,7 +89,7 @@ class Group:
                 Samples(self._angle.add(raw.angle), self.chosen.angle_factor, self._position.add(raw.position),
                         self._position_factor, time, raw.lines))
             self._refuse_lost_turns()
-            self._end.add(coming)
+            self._standing.add(coming)
             self._waiting.append(coming)
             if self._sign == 0.0:
                 self._find_direction(coming)
@@ -132,7 +127,7 @@ class Group:
         if self._sign < 0.0:
             found.append("the angle counts down: turned around, so that it counts up in the turning direction")
         if not self._found_by_motion:
-            found.append(self._end.note())
+            found += self._standing.notes()
         if self.movement is not None:
             found.append(f"taken is the part in which the feed moves {1e3 * abs(self.movement):.4g} mm per turn")
         return tuple(note for note in [*found, *self.notes] if note)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from threadpitch.trace.array_log import ArrayLog, Columns
+from threadpitch.trace.array_log import ArrayLog, Chunk, Columns
 from threadpitch.trace.channels import Channel, aligned, clock_notes
 from threadpitch.trace.choice import ColumnChoice, brief
 from threadpitch.trace.passes import Array
@@ -32,7 +32,7 @@ def scope_log(path: Path, head: Head, choice: ColumnChoice) -> ArrayLog:
     """
     names, units = head.names[1::2], head.units[1::2]
 
-    def chunks(wanted: Sequence[int]) -> Generator[list[Array]]:
+    def chunks(wanted: Sequence[int]) -> Generator[Chunk]:
         recorded = _recorded(path, [i for i in wanted if i < len(names)], names)
 
         def channel(i: int) -> Channel:

@@ -234,47 +234,6 @@ class Clock:
                 self.turned = max(self.turned, float(speed * (times[sample] - times[sample - 1])))
 
 
-@dataclass
-class Standing:
-    """Whether the angle stands still at the end while the position moves on: its sensor may be stuck."""
-
-    _begin: tuple[float, float] | None = None  # angle and position of the first sample
-    _since: tuple[float, float] = (math.nan, math.nan)  # of the first sample with the angle of the last one
-    _last: float = math.nan  # position
-
-    def add(self, coming: Samples) -> None:
-        """The next samples."""
-        if coming.size == 0:
-            return
-        ends = coming.part(slice(None, None, max(coming.size - 1, 1)))  # the first and the last
-        self._begin = self._begin or (float(ends.angle[0]), float(ends.position[0]))
-        equal = _equal_at_the_end(coming.angle_values)
-        if equal < coming.size or ends.angle[-1] != self._since[0]:
-            since = coming.part(slice(coming.size - equal, coming.size - equal + 1))
-            self._since = float(since.angle[0]), float(since.position[0])
-        self._last = float(ends.position[-1])
-
-    def note(self) -> str:
-        """That it stands while the position moves by more than in a turn; empty where it does not."""
-        if self._begin is None:
-            return ""
-        turns = abs(self._since[0] - self._begin[0]) / TURN
-        before, after = abs(self._since[1] - self._begin[1]), abs(self._last - self._since[1])
-        if turns < 1.0 or not after > before / turns > 0.0:
-            return ""
-        return (f"the angle stands still at the end, while the position moves by {1e3 * after:.4g} mm: is its sensor "
-                "stuck, or did the spindle stop?")
-
-
-@compiled(nogil=True)
-def _equal_at_the_end(values: FloatArray) -> int:
-    """How many of the last values are equal."""
-    equal = 1
-    while equal < values.size and values[values.size - 1 - equal] == values[values.size - 1]:
-        equal += 1
-    return equal
-
-
 def without_outliers(position: FloatArray, limit: float) -> tuple[FloatArray, IntArray]:
     """(the positions (samples,) m with single samples that stick out put between their neighbours, which these are).
 

@@ -13,6 +13,8 @@ from threadpitch.trace.recording import TraceError
 _SEPARATORS = ";\t,"  # a semicolon or a tab is never a decimal sign, a comma may be
 _COMMENT = re.compile(r"\s*(#|%|//)")
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+([eE][-+]?\d+)?\s*")
+_WIDE_GAP = re.compile(r"\s{2,}|\t")
+_WITH_UNIT = re.compile(r"[^\s\[(][^\[(]*?\s*[\[(][^\])]*[\])]")  # spindle angle [deg]
 _LOOKED_AT = 200  # rows, for the decimal sign and a header of several lines
 _SCOPE_PROPERTIES = {"SymbolName", "Data-Type", "SampleTime[ms]"}
 _SCOPE = "Name"  # the first word of a TwinCAT Scope export
@@ -52,7 +54,7 @@ def find_head(text: list[str], source: str, above: int) -> Head:
     if not rows:
         raise TraceError(f"{source}: there are only comments; give a log with a header and rows")
     first = rows[0]
-    separator = _separator(text[first])
+    separator = " " if _numbers_below(text, rows) else _separator(text[first])
     scope = _scope_head(text, rows, separator, above)
     head = scope or _plain_head(text, rows, separator, above)
     body = text[head.lines : head.lines + _LOOKED_AT]
@@ -66,11 +68,13 @@ def find_head(text: list[str], source: str, above: int) -> Head:
 def _plain_head(text: list[str], rows: list[int], separator: str, above: int) -> Head:
     first = rows[0]
     words = separator == " "
-    names = _fields(text[first], separator, words)
+    width = _numbers_below(text, rows) if words else 0
+    names = _blank_parted(text[first], width) if width else _fields(text[first], separator, words)
     place = above + first + 1
-    if all(_is_number(name) for name in names):
+    if all(_is_number(name) or (words and _is_decimal(name)) for name in names):
         commented = _COMMENT.sub("", text[first - 1]) if first > 0 and _COMMENT.match(text[first - 1]) else ""
-        named = _fields(commented, separator if separator in commented else " ", separator not in commented or words)
+        named = _fields(commented, separator, False) if separator in commented and not words else (
+            _blank_parted(commented, len(names)))
         if len(named) == len(names) and commented.strip():
             return Head(named, [""] * len(names), first, place - 1, separator, words)
         numbered = [f"column {i + 1}" for i in range(len(names))]
@@ -116,6 +120,25 @@ def _separator(row: str) -> str:
     if counts["\t"] == counts[";"] == 0 and _words_with_commas(row):
         return " "
     return max(counts, key=lambda separator: counts[separator])
+
+
+def _numbers_below(text: list[str], rows: list[int]) -> int:
+    """How many numbers parted by blanks the first row of numbers below the header holds; 0 for one that is not."""
+    for row in rows[1:3]:  # a row of units may be between
+        words = text[row].split()
+        if len(words) > 1 and "\t" not in text[row].strip() and all(_is_number(word) or _DECIMAL_COMMA.fullmatch(word)
+                                                                    for word in words):
+            return len(words)
+    return 0
+
+
+def _blank_parted(header: str, width: int) -> list[str]:
+    """The names of a header parted by blanks over rows of so many numbers, where names hold blanks too.
+
+    They are parted by single blanks, or by two or more, or each ends with its unit in brackets; as it fits.
+    """
+    ways = (header.split(), _WIDE_GAP.split(header.strip()), _WITH_UNIT.findall(header))
+    return next((names for names in ways if len(names) == width), ways[0])
 
 
 def _words_with_commas(row: str) -> bool:

@@ -6,6 +6,8 @@ import csv
 import difflib
 import gzip
 import io
+import os
+import stat
 import sys
 import zlib
 from collections.abc import Generator, Iterable, Iterator
@@ -34,6 +36,13 @@ class Text:
     count: int  # of the lines
 
 
+@dataclass
+class Place:
+    """How far a file is read."""
+
+    share: float | None = None  # of its bytes, 0 to 1; None = not known, as of a pipe
+
+
 @dataclass(frozen=True)
 class Block:
     """Some rows of a file, each as long as the header, with their lines (from 1)."""
@@ -53,13 +62,13 @@ def rows_of(path: Path) -> Generator[tuple[Head, Block]]:
             yield head, split(text, head, str(path))
 
 
-def texts_of(path: Path) -> Generator[str]:
-    """A text file, a pipe, or ``-``, plain or packed by gzip, in texts of whole lines.
+def texts_of(path: Path, place: Place | None = None) -> Generator[str]:
+    """A text file, a pipe, or ``-``, plain or packed by gzip, in texts of whole lines; ``place`` is kept up to date.
 
     Raises:
         TraceError: the file is missing, a directory, binary or cut off.
     """
-    with _opened(path) as stream:
+    with _opened(path, place or Place()) as stream:
         yield from _texts(stream)
 
 
@@ -86,10 +95,10 @@ def headed(texts: Iterable[str], source: str) -> Generator[tuple[Head, Text]]:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[TextIO]:
+def _opened(path: Path, place: Place) -> Iterator[TextIO]:
     source = str(path)
     try:
-        with _bytes_of(path) as raw:
+        with _bytes_of(path, place) as raw:
             packed = raw.peek(2)[:2] == GZIP
             plain = io.BufferedReader(_Unpacked(raw), _LOOKED_AT) if packed else raw
             yield io.TextIOWrapper(plain, encoding=_encoding(plain.peek(_LOOKED_AT), source), errors="replace")
@@ -106,13 +115,15 @@ def _opened(path: Path) -> Iterator[TextIO]:
 
 
 @contextmanager
-def _bytes_of(path: Path) -> Iterator[io.BufferedReader]:
+def _bytes_of(path: Path, place: Place) -> Iterator[io.BufferedReader]:
     """The bytes of a file, which may be a pipe: nothing of it is read twice."""
     if str(path) == STANDARD_INPUT:
         yield io.BufferedReader(_Filled(sys.stdin.buffer), _LOOKED_AT)
         return
     with open(path, "rb") as file:
-        yield io.BufferedReader(_Filled(file), _LOOKED_AT)
+        status = os.fstat(file.fileno())
+        counted = stat.S_ISREG(status.st_mode) and status.st_size > 0
+        yield io.BufferedReader(_Counted(file, status.st_size, place) if counted else _Filled(file), _LOOKED_AT)
 
 
 class _Filled(io.RawIOBase):
@@ -128,6 +139,21 @@ class _Filled(io.RawIOBase):
         found = self._source.read(len(buffer))
         buffer[: len(found)] = found
         return len(found)
+
+
+class _Counted(_Filled):
+    """Tells how far it is read of a file of so many bytes."""
+
+    def __init__(self, source: BinaryIO, size: int, place: Place) -> None:
+        super().__init__(source)
+        self._size, self._place = size, place
+        self._read = 0
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override] # typeshed: any writable buffer
+        found = super().readinto(buffer)
+        self._read += found
+        self._place.share = min(self._read / self._size, 1.0)  # the file may grow
+        return found
 
 
 class _Unpacked(_Filled):

@@ -34,9 +34,9 @@ def traces(owned: Iterable[tuple[Group, Samples]]) -> Iterator[Trace]:
 def _finished(group: Group, whole: Samples) -> Trace:
     trace = _trace(group, whole)
     turns = (trace.angle[-1] - trace.angle[0]) / TURN
-    if turns > trace.angle.size:
-        raise TraceError(f"{trace.whole()}: {turns:.0f} turns in {trace.angle.size} samples; "
-                         f"{group.chosen.angle_unit_doubt()}")
+    seconds = 0.0 if trace.time is None else float(trace.time[-1] - trace.time[0])
+    if doubt := group.chosen.angle_unit_doubt(turns, trace.angle.size, seconds):
+        raise TraceError(f"{trace.whole()}: {doubt}")
     if not math.isnan(group.signals.latency):
         return trace
     if trace.time is None:
