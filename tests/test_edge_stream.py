@@ -81,3 +81,17 @@ def test_streamed_logs_have_the_tables_of_whole_ones(tmp_path: Path, monkeypatch
     for log in (path, tmp_path / "log.parquet"):
         (group,) = stream_pitches(log, choice, (0.0, 1.0), signals, edges=True)
         assert_equal(group.table, whole.table)
+
+
+def test_counts_that_are_told_help_an_angle_in_degrees(tmp_path: Path) -> None:
+    """One count in every sample cannot be seen; the spindle is off by up to one that nobody knows."""
+    samples = np.arange(3600.0)
+    turns = (samples * (1.0 + 1e-4) + 0.3) / 1000.0
+    path = write(tmp_path / "log.csv", spindle_deg=np.floor(1000.0 * turns) * 0.36, z_mm=1.5 * turns)
+    unknown, known = (stream_pitches(path, ColumnChoice(counts_per_turn=counts), edges=True)[0].table.uncertainty
+                      for counts in (None, 1000.0))
+    assert unknown is not None
+    assert known is not None
+    one_count = 1.5e-3 / 1000.0
+    assert unknown.max() < 0.01 * one_count
+    assert 0.1 * one_count < known.min() < one_count

@@ -31,7 +31,8 @@ class LogOptions:
         show_default="of the header, else mm")] = None
     counts_per_turn: Annotated[float | None, typer.Option(
         metavar="N", parser=number,
-        help="Counts per turn, for --angle-unit count: lines of the encoder times 4.")] = None
+        help="Counts per turn, lines of the encoder times 4: for --angle-unit count; of an angle in another unit "
+             "how finely it is resolved.")] = None
     angle_b: Annotated[str | None, typer.Option(
         metavar="COLUMN", help="The angle is level A of an encoder, this column is its level B: counted.")] = None
     index: Annotated[str | None, typer.Option(
