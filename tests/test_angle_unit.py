@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.conftest import Command, assert_one_line
@@ -52,6 +52,7 @@ def in_unit(turns: FloatArray, unit: str, wrapped: str) -> FloatArray:
 @settings(max_examples=300, deadline=None)
 @given(spindles(), st.sampled_from([*PERIODS]), st.sampled_from(["", "from zero", "about zero"]), st.integers(3, 9),
        st.booleans())
+@example((0.01 * np.arange(15.0), 5.0 * np.arange(15.0)), "rad", "", 3, True)  # 30,000 rpm, rounded up
 def test_a_unit_is_right_or_not_told(spindle: tuple[FloatArray, FloatArray], unit: str, wrapped: str,
                                      digits: int, timed: bool) -> None:
     time, turns = spindle
@@ -79,10 +80,10 @@ def test_a_wrapped_angle_is_always_told(rpm: float, per_turn: float, unit: str, 
 
 @settings(max_examples=100, deadline=None)
 @given(st.floats(0.0, 30_000.0), st.floats(3.0, 2000.0))
-def test_continuous_degrees_are_told_from_524_rpm_on(rpm: float, per_turn: float) -> None:
+def test_continuous_degrees_are_told_from_576_rpm_on(rpm: float, per_turn: float) -> None:
     time = np.arange(4.0 * per_turn) * 60.0 / max(rpm, 1.0) / per_turn
     found = angle_unit(6.0 * rpm * time + 0.5, time)[0]
-    assert found == ("deg" if rpm > 30_000.0 * TURN / 360.0 else "")
+    assert found == ("deg" if rpm > 33_000.0 * TURN / 360.0 else "")
 
 
 @pytest.mark.parametrize("angle", [

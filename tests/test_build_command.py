@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import shutil
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,23 +25,34 @@ FMUS = {"FeedDrive.fmu", "PitchCalculator.fmu", "SpindleDrive.fmu", "ThreadCutti
 SSP = "threading_lathe.ssp"
 
 
+@dataclass(frozen=True)
+class Told:
+    """A build of all, and what it printed."""
+
+    folder: Path
+    out: str
+    err: str
+
+
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("built") / "fmus"
-    assert invoke(["build", "--output", str(folder)]) == 0
-    return folder
+def build(tmp_path_factory: pytest.TempPathFactory) -> Told:
+    folder = tmp_path_factory.mktemp("built") / "new" / "folder"
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+        assert invoke(["build", "--output", str(folder)]) == 0
+    return Told(folder, out.getvalue(), err.getvalue())
 
 
-def test_it_writes_every_model_and_the_lathe_and_names_them(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = tmp_path / "new" / "folder"
-    assert invoke(["build", "--output", str(folder)]) == 0
-    told = capsys.readouterr()
+@pytest.fixture(scope="module")
+def built(build: Told) -> Path:
+    return build.folder
+
+
+def test_it_writes_every_model_and_the_lathe_and_names_them(build: Told) -> None:
     expected = {f"{lathe_class(path)}.fmu" for path in lathe.model_files()} | {SSP}
     assert expected >= FMUS
-    assert {path.name for path in folder.iterdir()} == expected  # and nothing temporary
-    assert {Path(line) for line in told.out.splitlines()} == set(folder.iterdir())
-    assert told.err == ""
+    assert {path.name for path in build.folder.iterdir()} == expected  # and nothing temporary
+    assert {Path(line) for line in build.out.splitlines()} == set(build.folder.iterdir())
+    assert build.err == ""
 
 
 def lathe_class(path: Path) -> str:

@@ -124,8 +124,8 @@ def test_help(threadpitch: Command, monkeypatch: pytest.MonkeyPatch, command: st
         assert "[default: " in text
         expected = {"run": ["[default: models/threading_lathe]", "DEG ...", "in degrees", "in s.", "10mm",
                             "(of the system)"],
-                    "analyze": ["rev|deg|rad|count", "[default: linear]", "(of the header, else rev)",
-                                    "mm|m|um|inch", "(by its name)"],
+                    "analyze": ["rev|deg|rad|count", "[default: linear]", "mm|m|um|inch",
+                                "(of the header, else what the samples tell, else rev)", "(by its name)"],
                     "build": ["[default: 2]", "[default: fmus]"]}
         for part in expected[command]:
             assert part in text

@@ -65,3 +65,31 @@ def test_what_cannot_be_reported_is_told_in_one_line(threadpitch: Command, workp
     assert outcome.status == 2
     assert_one_line(outcome.err, message)
     assert not list(workplace.glob("report.*"))
+
+
+def test_a_thread_whose_lead_changes_has_targets_turn_by_turn(threadpitch: Command, workplace: Path) -> None:
+    """xi = F x + K x^2 / 2 from the first sample on is no deviation at all; a log that begins half a turn late too."""
+    turns = np.linspace(0.5, 20.0, 2000)
+    way = 1.5 * (turns - 0.5) + 0.01 * (turns - 0.5) ** 2 + 0.002 * np.sin(2.0 * np.pi * turns / 5.0)
+    rows = "\n".join(f"{a:.9f},{z:.9f}" for a, z in zip(turns, way, strict=True))
+    (workplace / "log.csv").write_text(f"angle,z\n{rows}\n")
+    grooves = np.interp(np.arange(1.0, 20.0) + 0.25, turns, way)
+    (workplace / "measured.csv").write_text("turn,pitch_mm,start_angle_deg\n" + "".join(
+        f"{n},{pitch:.7f},90\n" for n, pitch in enumerate(np.diff(grooves), start=2)))
+    options = ("log.csv", "--angle-unit", "rev", "--position-unit", "mm", "--start-angle", 0, 90, "--target", 1.5,
+               "--lead-change", 0.02)
+    outcome = threadpitch("report", *options, "--measured", "measured.csv", "--uncertainty", 0.5)
+    assert (outcome.status, outcome.err) == (0, "")
+    assert "Deviation of P(n) from the lead of its turn over n [um]" in outcome.out
+    for line, offset in zip([line for line in outcome.out.splitlines() if " deg  " in line], (0.0, 0.25), strict=True):
+        wave = np.diff(2.0 * np.sin(2.0 * np.pi * (np.arange(1.0, 20.0) + offset) / 5.0))  # um
+        told = [float(text) for text in line.split()[-1].split("..")]
+        assert told == pytest.approx([wave.min(), wave.max()], abs=0.02)
+    assert "Verdict: Control" in outcome.out
+    assert "target 1.5 mm at the first sample, +0.02 mm a turn" in (workplace / "report.html").read_text()
+    assert threadpitch("report", *options, "-o", "log.pdf").status == 0
+    for changed, message in (((*options[:-4], "--lead-change", 0.02), "give it with --target in mm"),
+                             ((*options, "--thread", "M20x1.5-6g"), "leave --thread or --lead-change out"),
+                             ((*options[:-1], -0.1), "falls to nothing within 20 turns"),
+                             ((".", *options[-2:]), "--lead-change belongs to a log")):
+        assert_one_line(threadpitch("report", *changed).err, message)

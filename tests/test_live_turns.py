@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from threadpitch import lathe
@@ -28,3 +30,17 @@ def test_turns_are_heard_of_while_it_runs() -> None:
     assert len(heard) == len(expected)  # none twice
     assert len(times) > 1  # not all at the end
     assert min(times) < result.steps
+
+
+def test_a_resumed_run_tells_all_its_turns_once(short_run: lathe.Simulation, tmp_path: Path) -> None:
+    """Those before the checkpoint too; the numbers of its passes go on."""
+    assert lathe.simulate(stop_time=0.7, checkpoint=tmp_path / "state").passes  # turns are complete, the pass is not
+    heard: list[LiveTurn] = []
+    result = lathe.resume(tmp_path / "state", stop_time=1.2, turned=heard.extend)
+    told = sorted((one.calculator, one.number_of_pass, one.turn, one.start_angle, one.pitch) for one in heard)
+    assert told == sorted((name, one.number, n + 1, float(angle), float(one.table.pitch[row, n]))
+                          for name in short_run.calculators for one in short_run.passes_of(name)
+                          for row, angle in enumerate(one.table.start_angles)
+                          for n in np.flatnonzero(~np.isnan(one.table.pitch[row])).tolist())
+    assert told
+    assert result.steps == short_run.steps

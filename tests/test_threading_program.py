@@ -1,4 +1,4 @@
-"""Programs on the whole lathe: passes as the words have them, repeatability with the default drives, tool path."""
+"""Programs on the whole lathe: operations, parameters and passes as the words have them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.benchmarks.bench_threading import shift_over_speeds
 from threadpitch import lathe
 from threadpitch.cycles import (
     DIALECTS,
@@ -17,19 +16,16 @@ from threadpitch.cycles import (
     Indexing,
     Interpretation,
     Setup,
-    final_flank,
     interpret,
     read_program,
     read_program_file,
-    tool_path,
 )
 from threadpitch.program_parameters import Operation, OperationError, Workpiece, operations
 from threadpitch.run_folder import run_document
 from threadpitch.tables import pass_text
-from threadpitch.trace import TURN, FloatArray
+from threadpitch.trace import TURN
 
 PROGRAMS = Path(__file__).parents[1] / "models" / "programs"
-LEAD = 1.5e-3
 SHORT = """G97 S600 M3
 G0 X26. Z5.
 G76 P021060 Q50 R0.05
@@ -46,22 +42,6 @@ def interpreted(name: str) -> Interpretation:
 
 def program(text: str, setup: Setup | None = None) -> tuple[Operation, ...]:
     return operations(interpret(read_program(text), setup))
-
-
-@functools.cache
-def short_program() -> lathe.Simulation:
-    (operation,) = program(SHORT)
-    return lathe.simulate(parameters=operation.parameters, stop_time=operation.stop_time)
-
-
-def deviations(result: lathe.Simulation, name: str, number: int) -> FloatArray:
-    """Movement of a pass less the helix of the detected angle, its flank shift taken off; m, from z = 0 on."""
-    rows = (result["controller.pass_number"] == number) & (result["controller.threading"] == 1)
-    rows &= result["controller.z_command"] < 0.0
-    shift = result["controller.cut_depth"][rows] * math.tan(math.radians(30.0))
-    line = result["controller.z_start"][0] - shift - result["spindle.encoder_angle"][rows] / TURN * LEAD
-    found: FloatArray = np.remainder(result[name][rows] - line + 0.5 * LEAD, LEAD) - 0.5 * LEAD
-    return found
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in PROGRAMS.glob("*.nc")))
@@ -119,12 +99,17 @@ def test_passes_that_differ_in_x_only_are_one_list() -> None:
     assert unknown[-1] == pytest.approx(0.6134 * 1.5e-3, rel=1e-4)  # h3 of the metric thread
 
 
-def test_starts_of_one_block_are_cut_pass_by_pass() -> None:
+@functools.cache
+def two_starts() -> tuple[Operation, lathe.Simulation]:
     (operation,) = program("G97 S600 M3\nG0 X26. Z5.\nG92 X19.4 Z-8. F3. L2\nX18.8\nM30\n")
+    return operation, lathe.simulate(parameters=operation.parameters, stop_time=operation.stop_time)
+
+
+def test_starts_of_one_block_are_cut_pass_by_pass() -> None:
+    operation, result = two_starts()
     parameters = operation.parameters
     assert [one.start_number for one in operation.passes] == [1, 2, 1, 2]
     assert (parameters["controller.starts"], parameters["controller.pass_count"]) == (2, 2)
-    result = lathe.simulate(parameters=parameters, stop_time=operation.stop_time)
     assert [one.start_number for one in result.passes] == [1, 2, 1, 2]
     assert [one.kind for one in result.passes] == ["rough", "rough", "finish", "finish"]
     assert [one.final_flank for one in result.passes] == [False, False, True, True]
@@ -286,52 +271,8 @@ def test_what_the_controller_cannot_cut_is_refused(text: str, what: str) -> None
     assert "; " in str(caught.value)
 
 
-def test_passes_repeat_on_one_helix_within_a_nanometre_of_the_detected_angle() -> None:
-    """The spindle's speed ripples, the detector counts: the command keeps to what it counts."""
-    result = short_program()
-    assert len(result.passes) >= 5
-    for one in result.passes:
-        assert np.abs(deviations(result, "controller.z_command", one.number)).max() < 1e-9
-
-
-def test_default_drives_follow_within_what_kv_predicts() -> None:
-    """Lag v / Kv = 15 mm/s / 50 1/s = 300 um in every pass; what differs between them is what the speed differs.
-
-    Where the tool enters the metal its forces move the drives for a moment.
-    """
-    result = short_program()
-    gain = 50.0
-    for one in result.passes:
-        rows = (result["controller.pass_number"] == one.number) & (result["controller.threading"] == 1)
-        rows &= result["controller.z_command"] < 0.0
-        predicted = LEAD / TURN * result["spindle.speed"][rows] / gain
-        lag = deviations(result, "z_drive.measured_position", one.number)
-        assert lag.mean() == pytest.approx(predicted.mean(), abs=0.1e-6)
-        assert np.abs(lag - predicted).max() < 2.5e-6
-    means = [deviations(result, "z_drive.measured_position", one.number).mean() for one in result.passes]
-    assert np.ptp(means) < 0.2e-6
-
-
-@pytest.mark.parametrize("age", [0.0, 1e-3])
-def test_start_shift_over_the_speed(age: float) -> None:
-    """z_command against the true angle at 300, 500, 900 rpm: at most 1 um where the control knows the age of its
-    angle, which is 0 in the order of the data; told 1 ms too much it is 7.5, 12.5, 22.5 um off.
-    """
-    expected = [LEAD * rpm / 60.0 * age for rpm in (300.0, 500.0, 900.0)]
-    np.testing.assert_allclose(np.abs(shift_over_speeds(age)), expected, rtol=0.0, atol=1e-6)
-
-
-def test_the_passes_say_which_makes_the_final_flank() -> None:
-    result = short_program()
-    cut = program(SHORT)[0].passes
-    assert tuple(one.number for one in result.passes if one.final_flank) == final_flank(cut)
-    assert [one.kind for one in result.passes] == [one.kind for one in cut]
-    assert all(one.pitch == one.lead == pytest.approx(LEAD) for one in result.passes)
-
-
 def test_tables_and_documents_tell_lead_and_pitch_apart() -> None:
-    (operation,) = program("G97 S600 M3\nG0 X26. Z5.\nG92 X19.4 Z-8. F3. L2\nX18.8\nM30\n")
-    result = lathe.simulate(parameters=operation.parameters, stop_time=operation.stop_time)
+    _, result = two_starts()
     last = result.passes[-1]
     text = pass_text(last).splitlines()
     assert text[0] == "Pass 4, start 2"
@@ -343,20 +284,3 @@ def test_tables_and_documents_tell_lead_and_pitch_apart() -> None:
     assert (record[-1]["lead_mm"], record[-1]["groove_pitch_mm"]) == pytest.approx((3.0, 1.5))
     assert [one["final_flank"] for one in record] == [False, False, True, True]
     assert record[-1]["start_angle_deg"] == pytest.approx(180.0)
-
-
-def test_the_tool_path_is_that_of_the_words_within_the_lag_of_the_drives() -> None:
-    result = short_program()
-    path = result.tool_path
-    assert path.x.shape == path.z.shape == path.time.shape == path.threading.shape
-    np.testing.assert_array_equal(path.z, result["z_drive.position"])
-    words = tool_path(interpret(read_program(SHORT)).moves)
-    assert path.x.min() == pytest.approx(words.x.min(), abs=20e-6)
-    assert path.z.min() == pytest.approx(words.z.min(), abs=50e-6)
-    for one in result.passes:
-        rows = path.threading & (result["controller.pass_number"] == one.number) & (path.z > -6e-3) & (path.z < 0.0)
-        deep = 9.08e-3 + 0.92e-3 - (one.depth or 0.0)
-        np.testing.assert_allclose(path.x[rows], deep, rtol=0.0, atol=5e-6)
-        out = path.threading & (result["controller.pass_number"] == one.number) & (path.z < -7.5e-3)
-        slope = np.polyfit(path.z[out], path.x[out], 1)[0]
-        assert slope == pytest.approx(-1.0, abs=0.1)  # 45 degrees: both axes lag alike

@@ -8,6 +8,7 @@ initialisation and after each step.
 
 from __future__ import annotations
 
+import itertools
 import json
 import struct
 import sys
@@ -71,14 +72,17 @@ class Slave3:
         self.fmu = FMU3Slave(guid=description.instantiationToken, unzipDirectory=extract(component["fmu"], str(folder)),
                              modelIdentifier=description.coSimulation.modelIdentifier, instanceName=component["name"])
         self.fmu.instantiate()
-        self.names = [name for names in component["names"].values() for name in names]
+        self.places = [self.place(name) for names in component["names"].values() for name in names]
+        self.wanted: dict[str, list[str]] = {}  # arrays that are got together, by their type
+        for name in dict.fromkeys(array for array, _ in self.places):
+            self.wanted.setdefault(self.variables[name].type, []).append(name)
         self.struct = struct.Struct(component["struct"])
 
     def put(self, _kind: str, name: str, value: Any) -> None:
         array, index = self.place(name)
-        values = self.array(array)
-        values[index] = value
         variable = self.variables[array]
+        values = self.array(array) if variable.dimensions else [value]
+        values[index] = value
         getattr(self.fmu, f"set{variable.type}")([variable.valueReference], values)
 
     def get(self, _kind: str, name: str) -> Any:
@@ -86,8 +90,13 @@ class Slave3:
         return self.array(array)[index]
 
     def row(self) -> bytes:
-        arrays = {name: self.array(name) for name in dict.fromkeys(self.place(name)[0] for name in self.names)}
-        return self.struct.pack(*(arrays[array][index] for array, index in map(self.place, self.names)))
+        arrays: dict[str, list[Any]] = {}
+        for kind, names in self.wanted.items():
+            sizes = [self.size(name) for name in names]
+            values = iter(getattr(self.fmu, f"get{kind}")([self.variables[name].valueReference for name in names],
+                                                          nValues=sum(sizes)))
+            arrays |= {name: list(itertools.islice(values, size)) for name, size in zip(names, sizes, strict=True)}
+        return self.struct.pack(*(arrays[array][index] for array, index in self.places))
 
     def enter_initialization(self) -> None:
         self.fmu.enterInitializationMode(startTime=0.0)
@@ -98,8 +107,11 @@ class Slave3:
 
     def array(self, name: str) -> list[Any]:
         variable = self.variables[name]
-        size = int(variable.dimensions[0].start) if variable.dimensions else 1
-        return list(getattr(self.fmu, f"get{variable.type}")([variable.valueReference], nValues=size))
+        return list(getattr(self.fmu, f"get{variable.type}")([variable.valueReference], nValues=self.size(name)))
+
+    def size(self, name: str) -> int:
+        dimensions = self.variables[name].dimensions
+        return int(dimensions[0].start) if dimensions else 1
 
 
 def slave(component: dict[str, Any], folder: Path) -> Slave2 | Slave3:

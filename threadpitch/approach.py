@@ -208,6 +208,10 @@ class Machine:
         """The same machine at another spindle speed, rad/s."""
         return replace(self, parameters={**self.parameters, _NAMES["speed"]: speed})
 
+    def start_at(self, speed: float) -> Start:
+        """``start`` at another spindle speed, rad/s."""
+        return replace(self.start, speed=speed)
+
     def simulated_room(self, limit: float) -> Room:
         """Approach and run-out as a simulation of the machine shows them, m: the first and the last place of a turn
         from which on, and up to which, every turn of the tool keeps within the limit.

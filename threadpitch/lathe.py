@@ -243,14 +243,13 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
     flavor = choose_flavor(flavor)
     chosen_fmus = replacements(replace or {}, flavor)
     with cosim.read_system(find_system(system), locate=functools.partial(locate_fmu, flavor),
-                           replace=chosen_fmus) as structure:
-        with cosim.prepare(structure) as plan:
-            roles = Roles.of(plan)
+                           replace=chosen_fmus) as structure, cosim.prepare(structure) as plan:
+        roles = Roles.of(plan)
         watch = roles.watch if turned is None else \
             replaced(roles.watch, look=LiveTurns(roles.calculators, turned))
         chosen = roles.parameters(parameters or {}, start_angles)
         wanted = ("outputs", *watch.record, *watch.on) if record is None else record
-        result = cosim.simulate(structure, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
+        result = cosim.simulate(plan, parameters=chosen, stop_time=stop_time, step_size=step_size, record=wanted,
                                 record_every=record_every, record_on=record_on, watch=watch, results=results,
                                 checkpoint=checkpoint, checkpoint_every=checkpoint_every, method=method,
                                 isolate=isolate,
@@ -260,10 +259,12 @@ def simulate(system: str | Path = DEFAULT_SYSTEM, *, parameters: Mapping[str, Gi
     return Simulation(result, flavor)
 
 
-def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: Progress | None = None) -> Simulation:
+def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: Progress | None = None,
+           turned: Callable[[list[LiveTurn]], None] | None = None) -> Simulation:
     """Go on with a simulation from the checkpoint that it wrote, to the same bits as if it had never ended.
 
-    ``stop_time`` may be later than that of the simulation.
+    ``stop_time`` may be later than that of the simulation. ``turned`` hears of revolutions as with ``simulate``, of
+    those before the checkpoint too.
 
     Raises:
         cosim.CosimError: the file is no checkpoint, the system or its FMUs have changed, or a component fails.
@@ -271,8 +272,9 @@ def resume(checkpoint: str | Path, *, stop_time: float | None = None, progress: 
     metadata = cosim.read_checkpoint(checkpoint).metadata
     flavor = choose_flavor(metadata["about"].get("flavor"))
     with cosim.read_system(metadata["system"] or "", locate=functools.partial(locate_fmu, flavor),
-                           replace=metadata["about"].get("replace")) as structure:
-        result = cosim.resume(checkpoint, system=structure, stop_time=stop_time, progress=progress)
+                           replace=metadata["about"].get("replace")) as structure, cosim.prepare(structure) as plan:
+        look = None if turned is None else LiveTurns(Roles.of(plan).calculators, turned)
+        result = cosim.resume(checkpoint, system=plan, stop_time=stop_time, progress=progress, look=look)
     return Simulation(result, flavor)
 
 

@@ -76,10 +76,15 @@ def pass_deviation_lines(console: Console, one: Pass) -> list[Text]:
         return []
     chosen = one.in_metal if one.in_metal.any() else None
     if one.variable:
-        found = deviation_lines(console, PitchTable.of_pitches(one.deviation, one.table.start_angles), 0.0, chosen)
-        return [Text("Deviation of P(n) from the lead of its turn over n [um]"), *found[1:]]
+        return variable_deviation_lines(console, PitchTable.of_pitches(one.deviation, one.table.start_angles), chosen)
     target = float((one.table.pitch - one.deviation)[known][0])
     return deviation_lines(console, one.table, target, chosen)
+
+
+def variable_deviation_lines(console: Console, deviation: PitchTable, chosen: BoolArray | None) -> list[Text]:
+    """``deviation_lines`` of a thread whose lead changes: P(n) less the lead of the turn."""
+    found = deviation_lines(console, deviation, 0.0, chosen)
+    return [Text("Deviation of P(n) from the lead of its turn over n [um]"), *found[1:]] if found else []
 
 
 def verdict_line(cause: str, sentence: str) -> Text:

@@ -74,7 +74,7 @@ def shift_over_speeds(age: float) -> FloatArray:
             "controller.commanded_speed": rpm / 60.0 * TURN, "spindle.initial_speed": rpm / 60.0 * TURN,
             "spindle.ripple_amplitude": [0.0], "spindle.encoder_lines": 262144, "controller.counts_per_turn": 1048576.0,
             "controller.command_age": age}
-        result = lathe.simulate(parameters=parameters, stop_time=4.0)
+        result = lathe.simulate(parameters=parameters, stop_time=2.5)
         rows = (result["controller.threading"] == 1) & (result["controller.z_command"] < 0.0)
         index = (result["spindle.angle"] - result["spindle.encoder_angle"])[rows][0]
         line = 6e-3 - (result["spindle.angle"][rows] - index) / TURN * LEAD

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from scipy.io import loadmat
 
 from tests.cosim.slaves import variable
-from threadpitch.cosim import CosimError, Method, Result, StepError, Watch, again, recording, simulate
+from threadpitch.cosim import CosimError, Method, Result, StepError, Watch, again, prepare, recording, resume, simulate
 from threadpitch.cosim.block import Block, Channel, Channels
 from threadpitch.cosim.parquet import read_metadata
 from threadpitch.cosim.recording import MemoryRows, Taking
@@ -138,6 +138,25 @@ def test_metadata_say_how_a_result_was_made_and_make_it_again(system: System, pr
     assert repeated.metadata == metadata
     with pytest.raises(CosimError, match="this is no metadata of a result: 'start_time'"):
         again({"steps": 3})
+
+
+def test_a_plan_is_simulated_as_its_system_whatever_the_parameters(system: System) -> None:
+    with prepare(system) as plan:
+        for start in (1.0, 2.0):
+            options = {**OPTIONS, "parameters": {"a.start_x": start}}
+            found, expected = simulate(plan, **options), simulate(system, **options)
+            same(found, expected)
+            assert found.metadata == expected.metadata
+
+
+def test_who_looks_on_at_a_resumed_run_sees_its_rows_from_the_beginning(system: System, tmp_path: Path) -> None:
+    seen: list[float] = []
+    watch = Watch(("b.x",), ("a.count",))  # it counts the steps
+    simulate(system, watch=watch, checkpoint=tmp_path / "state", **{**OPTIONS, "stop_time": 0.4})
+    result = resume(tmp_path / "state", system=system, stop_time=1.0, look=lambda rows: seen.extend(rows["b.x"]))
+    assert result.watched is not None
+    assert seen == result.watched["b.x"].tolist()
+    assert len(seen) == 1001
 
 
 def test_rows_on_events(system: System) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import os
 import random
 import shutil
@@ -146,7 +147,7 @@ class Fmu:
     """One instance of an FMU in FMPy, with its log."""
 
     def __init__(self, path: Path, folder: Path, model: Model) -> None:
-        self.description = read_model_description(str(path))
+        self.description = described(path, path.stat().st_mtime_ns)
         self.log: list[str] = []
         self.model = model
         self.by_name = {scalar.name: scalar for scalar in scalars(model)}
@@ -194,7 +195,7 @@ class Fmu3:
     """One instance of an FMU of FMI 3.0 in FMPy, by the names of FMI 2: ``a[2]`` is the second value of ``a``."""
 
     def __init__(self, path: Path, folder: Path, model: Model, *, events: bool = False) -> None:
-        self.description = read_model_description(str(path))
+        self.description = described(path, path.stat().st_mtime_ns)
         self.log: list[str] = []
         self.model = model
         self.reference = references(model)
@@ -264,6 +265,12 @@ def run_fmu(fmu: Fmu | Fmu3, parameters: Values, inputs: list[Values]) -> list[d
         done = advanced(fmu, done, values)
         rows.append(fmu.everything())
     return rows
+
+
+@functools.cache
+def described(path: Path, _changed: int) -> Any:
+    """The description of an FMU, read once: tests open the same one hundreds of times."""
+    return read_model_description(str(path))
 
 
 def unpacked(path: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from pathlib import Path
 
@@ -34,12 +35,16 @@ def inputs_of_the_passes() -> list[Values]:
     return rows
 
 
+@functools.cache
+def rows_of_the_class() -> list[dict[str, str]]:
+    model = read(MODEL)
+    return run_python(model, model.model_class(), PARAMETERS, inputs_of_the_passes())
+
+
 @pytest.mark.parametrize("kind", ["python", pytest.param("native2", marks=needs_compiler),
                                   pytest.param("native3", marks=needs_compiler)])
 def test_all_flavours_have_the_bits_of_the_class(kind: str, tmp_path: Path) -> None:
-    model = read(MODEL)
-    inputs = inputs_of_the_passes()
-    expected = run_python(model, model.model_class(), PARAMETERS, inputs)
+    model, inputs, expected = read(MODEL), inputs_of_the_passes(), rows_of_the_class()
     path = {"python": lambda: build_python_fmu(model, tmp_path), "native2": lambda: built(MODEL),
             "native3": lambda: built(MODEL, 3)}[kind]()
     with opened3(path, model) if kind == "native3" else opened(path, model) as fmu:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 import zipfile
@@ -55,12 +56,13 @@ def _outside(variable: object, limit: float | int, away: float) -> float | int:
 def test_every_parameter_outside_its_range_is_refused_by_name(path: Path, python_fmu: Build) -> None:
     model = read(path)
     bad: list[tuple[str, float | int]] = []
+    infinite = itertools.cycle((math.inf, -math.inf))
     for scalar in scalars(model):
         variable = scalar.variable
         if variable.causality != "parameter" or scalar.index not in (None, 1):
             continue
         if variable.kind == "float":
-            bad += [(scalar.name, value) for value in (math.nan, math.inf, -math.inf)]
+            bad += [(scalar.name, value) for value in (math.nan, next(infinite))]
         if variable.min is not None and variable.min > -(2**31):
             bad.append((scalar.name, _outside(variable, variable.min, -math.inf)))
         if variable.max is not None and variable.max < 2**31 - 1:

@@ -75,7 +75,7 @@ def test_constant_lag_gives_no_pitch_error() -> None:
 def test_speed_change_moves_the_pitch(step_size: float, ages: int, options: dict[str, Any], delay: float) -> None:
     """dP = -F dN / 60 ((1 - feedforward) / Kv + Td) for dN rpm in the turn."""
     drive = FeedDrive(encoder_counts=0.0, **options)
-    time: Array = np.arange(0, round(4.0 / step_size) + 1, dtype=np.float64) * step_size
+    time: Array = np.arange(0, round(2.5 / step_size) + 1, dtype=np.float64) * step_size
     rate = 40.0 / 60.0 * TURN  # rad/s2: 40 rpm per second
     speed = 400.0 / 60.0 * TURN + rate * time
     angle: Array = 400.0 / 60.0 * TURN * time + 0.5 * rate * time**2
@@ -93,7 +93,7 @@ def test_periodic_screw_error_shows_by_its_sine(slope_mm: float) -> None:
     """Amplitude 2 A |sin(pi lead / p)| in the true pitch, nothing in the nominal pitch of a motor encoder."""
     amplitude, period = 3e-6, slope_mm * 1e-3
     drive = FeedDrive(encoder_counts=0.0, lead_amplitude=amplitude, lead_period=period)
-    angle: Array = np.arange(0, 6001, dtype=np.float64) * 1e-3 * 500.0 / 60.0 * TURN
+    angle: Array = np.arange(0, 3601, dtype=np.float64) * 1e-3 * 500.0 / 60.0 * TURN
     detected, true = synchronised(drive, angle, 1e-3)
     actual = pitches(angle, true, 10) - LEAD
     expected = 2 * amplitude * abs(math.sin(math.pi * LEAD / period))
@@ -104,7 +104,7 @@ def test_periodic_screw_error_shows_by_its_sine(slope_mm: float) -> None:
 def test_linear_scale_takes_the_screw_error_out() -> None:
     """With a linear scale the loop leaves |j w / (j w + Kv)| of it."""
     amplitude, period, gain = 3e-6, 5e-3, 40.0
-    angle: Array = np.arange(0, 8001, dtype=np.float64) * 1e-3 * 500.0 / 60.0 * TURN
+    angle: Array = np.arange(0, 4001, dtype=np.float64) * 1e-3 * 500.0 / 60.0 * TURN
     drive = FeedDrive(detector=2, scale_resolution=0.0, lead_amplitude=amplitude, lead_period=period,
                       position_gain=gain)
     _, true = synchronised(drive, angle, 1e-3)
@@ -192,7 +192,7 @@ def test_ripple_of_whole_order_cancels_and_of_broken_order_does_not() -> None:
 
 
 def test_backlash_and_thermal_growth_are_outside_of_the_nominal_pitch() -> None:
-    angle: Array = np.arange(0, 3001, dtype=np.float64) * 1e-3 * 500.0 / 60.0 * TURN
+    angle: Array = np.arange(0, 2001, dtype=np.float64) * 1e-3 * 500.0 / 60.0 * TURN
     hot, true_hot = synchronised(FeedDrive(encoder_counts=0.0, temperature_rise=10.0), angle, 1e-3)
     assert np.abs(pitches(angle, hot, 12) - LEAD).max() < 1e-10
     assert pitches(angle, true_hot, 12) == pytest.approx(LEAD * (1 + 12e-6 * 10.0), rel=1e-7)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import gzip
 import json
+import operator
 from pathlib import Path
 
 import numpy as np
@@ -140,6 +141,31 @@ def test_a_simulation_and_measured_pitches_are_kept(workplace: Path, threadpitch
     assert (kinds[0], kinds[-1], set(kinds[1:-1])) == ("begin", "result", {"revolution"})
     turns = sum(int(np.sum(~np.isnan(one.table.pitch))) for one in simulated.passes)
     assert kinds.count("revolution") == turns
+
+
+def test_a_resumed_simulation_is_kept_whole(workplace: Path, threadpitch: Command) -> None:
+    """As the run that never ended: its passes, its verdict, and its revolutions, those before the checkpoint too."""
+    run, kept = ("run", "--start-angle", "0"), ("--machine", "Lathe 3", "--thread", "M20x1.5", "--store", "runs.db")
+    assert threadpitch(*run, *kept, "--stop-time", "1.2").status == 0
+    assert threadpitch(*run, "--stop-time", "0.7", "--checkpoint", "state").status == 0
+    resumed = threadpitch("resume", "state", "--stop-time", "1.2", *kept, "--json")
+    assert (resumed.status, resumed.err) == (0, "")
+    assert json.loads(resumed.out)["stored"]["run"] == 2
+    with open_store("runs.db") as store:
+        runs, events = [store.run(number) for number in (1, 2)], store.events(limit=10_000)
+    told = [[one.document for one in events if one.run == run.summary.uid and one.kind == "revolution"]
+            for run in runs]
+    key = operator.itemgetter("calculator", "turn")
+    assert sorted(told[0], key=key) == sorted(told[1], key=key)
+    assert len(told[0]) == sum(int(np.sum(~np.isnan(one.table.pitch))) for one in runs[0].passes)
+    assert [one.summary.machine for one in runs] == ["Lathe 3"] * 2
+    assert runs[0].verdict == runs[1].verdict
+    assert runs[0].verdict is not None
+    refused = threadpitch("resume", "state", "--machine", "Lathe 3")
+    assert refused.status == 2
+    assert_one_line(refused.err, "--machine is kept with a run; give --store or --publish too")
+    for first, second in zip(runs[0].passes, runs[1].passes, strict=True):
+        np.testing.assert_array_equal(first.table.pitch, second.table.pitch)
 
 
 def test_watched_revolutions_are_events_and_a_run(workplace: Path, threadpitch: Command) -> None:

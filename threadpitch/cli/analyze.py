@@ -11,11 +11,11 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from threadpitch.cli import log_options, store_options
 from threadpitch.cli.following_error import recorded_control
 from threadpitch.cli.judging import Findings, Judged, find, findings_document, show_findings
-from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
-from threadpitch.cli.log_options import LogOptions
+from threadpitch.cli.kept import Keeper, keeping_run, stored_line
+from threadpitch.cli.log_options import Latency, LogOptions, Outlier
+from threadpitch.cli.option_records import with_option_records
 from threadpitch.cli.options import (
     OF_THREAD,
     WITHOUT_MEASURED,
@@ -27,8 +27,8 @@ from threadpitch.cli.options import (
     refuse,
 )
 from threadpitch.cli.printing import ReadingLine, fail, print_json, printing
+from threadpitch.cli.store_options import NOT_KEPT, KeepOptions, refuse_labels_of_nothing
 from threadpitch.pitch import GroupPitch, StreamedPitch, edge_pitch_table, pitch_table, pitch_tables, stream_pitches
-from threadpitch.runs import Labels
 from threadpitch.tables import analysis_document, show_groups
 from threadpitch.trace import ColumnChoice, Signals
 
@@ -38,19 +38,15 @@ CROSSINGS = {"linear": pitch_table, "edges": edge_pitch_table}
 _OF_MEASURED = ("uncertainty", "negligible", "ball_screw", "lead_change", "following_error", "expected_lag")
 
 
-@log_options.with_log_options
+@with_option_records
 def analyze(
     context: typer.Context,
     log: Annotated[Path, typer.Argument(
         metavar="LOG", help="Log of a machine: CSV and other text (plain, .gz, or - for standard input), Parquet, "
                             "HDF5, MAT, TDMS, MDF.")],
     of_log: LogOptions,
-    latency: Annotated[float, typer.Option(
-        metavar="MS|estimate", parser=log_options.latency,
-        help="The position was recorded so many ms later than the angle.")] = 0.0,
-    outlier: Annotated[float | None, typer.Option(
-        metavar="MM", parser=number,
-        help="Put single positions that stick out by more than this between their neighbours.")] = None,
+    latency: Latency = 0.0,
+    outlier: Outlier = None,
     sample_interval: Annotated[float | None, typer.Option(
         metavar="DEG", parser=number, help="P(n) out of positions stored at every multiple of this angle.")] = None,
     crossing: Annotated[str, typer.Option(
@@ -89,12 +85,7 @@ def analyze(
     expected_lag: Annotated[float | None, typer.Option(
         metavar="MS", parser=number, help="(1 - feedforward)/Kv + Td of the feed drive, which the lag that is found in "
                                           "the log is compared with.")] = None,
-    store: store_options.Keep = None,
-    machine: store_options.Machine = "",
-    program_name: store_options.ProgramName = "",
-    serial: store_options.SerialNumber = "",
-    note: store_options.Note = "",
-    publish: store_options.Publish = None,
+    keep: KeepOptions = NOT_KEPT,
     as_json: AsJson = False,
 ) -> None:
     """Movement per revolution of every pass in a machine's log; with measured pitches, where they come from."""
@@ -102,7 +93,7 @@ def analyze(
         refuse(context, _OF_MEASURED, WITHOUT_MEASURED)
     if thread is None:
         refuse(context, OF_THREAD, WITHOUT_THREAD)
-    store_options.refuse_labels_of_nothing(context)
+    refuse_labels_of_nothing(context)
     screw = of_log.screw_lead if ball_screw is None else ball_screw
     asked = Judged(measured, target, uncertainty, screw, thread, limit, engagement, expected_lag, negligible,
                    lead_change)
@@ -115,7 +106,7 @@ def analyze(
     reading = Reading(log, choice, signals, tuple(starts), interval, crossing)
     if interval is not None and (reading.whole or crossing != "linear"):
         fail("positions stored at an interval are of linear crossings of signals as they are; leave out an option")
-    kept = Asked(store, tuple(publish or ()), Labels(machine, program_name, thread or "", serial, note))
+    kept = keep.asked(thread=thread or "")
     with keeping_run(kept, "log", str(log)) as keeper:
         groups = _groups(reading, keeper)
         found = find(groups, asked, lambda: recorded_control(log, choice, signals, following_error))

@@ -79,7 +79,7 @@ def _possible_speed(machine: Machine, limit: float, room: float, as_json: bool) 
     lead, most = machine.start.lead, machine.largest_speed
     found = {
         "manual": highest_speed(lambda at: fanuc_room(lead, at, limit / lead).approach, room, most),
-        "formula": highest_speed(lambda at: machine.at(at).start.room(limit).approach, room, most),
+        "formula": highest_speed(lambda at: machine.start_at(at).room(limit).approach, room, most),
     }
     # far from what the formula allows a simulation only takes longer
     found["simulation"] = highest_speed(lambda at: _simulated(machine.at(at), limit), room,

@@ -31,11 +31,11 @@ from threadpitch.judgement import (
 )
 from threadpitch.judgement.control import FEWEST_TURNS
 from threadpitch.judgement.measured_file import read_measured
-from threadpitch.pitch import GroupPitch, StreamedPitch
+from threadpitch.pitch import GroupPitch, StreamedPitch, first_lead, leads_of_turns
 from threadpitch.sparkline import verdict_line
 from threadpitch.tables import printable
 from threadpitch.tolerance import PitchConformity, Thread, parse_thread, pitch_conformity
-from threadpitch.trace import TURN, FloatArray
+from threadpitch.trace import FloatArray
 from threadpitch.units import from_si, to_si
 
 
@@ -70,6 +70,7 @@ class Findings:
 
 # The last group of the log as a recording, for where in the control its fluctuation comes from
 Recording: TypeAlias = Callable[[], ControlTrace]
+NO_TOLERANCE = "a thread whose lead changes has no tolerance of ISO 965; leave --thread or --lead-change out"
 _SAME_LEAD = 0.02  # part of the lead by which the target may be another and mean this thread
 
 
@@ -160,14 +161,9 @@ def _targets(group: GroupPitch | StreamedPitch, target: float, asked: Judged) ->
     if not asked.lead_change_mm:
         return target
     if asked.thread is not None:
-        fail("a thread whose lead changes has no tolerance of ISO 965; leave --thread or --lead-change out")
-    table = group.table
-    middles = table.start_angles[:, np.newaxis] + TURN * (table.turns_before + np.arange(table.pitch.shape[1]) + 0.5)
-    leads = target + to_si(asked.lead_change_mm, "mm") * (middles - group.begins) / TURN
-    if not (leads > 0.0).all():
-        fail(f"with {asked.lead_change_mm:g} mm a turn the lead of {from_si(target, 'mm'):.6g} mm falls to nothing "
-             f"within {table.pitch.shape[1]} turns; give a smaller --lead-change")
-    return np.asarray(leads)
+        fail(NO_TOLERANCE)
+    change = to_si(asked.lead_change_mm, "mm")
+    return leads_of_turns(group.table, first_lead(group.table, target, change, group.begins), change)
 
 
 def _where_in_the_control(verdict: Verdict, group: GroupPitch | StreamedPitch, target: float | FloatArray,

@@ -1,17 +1,10 @@
-"""Options that say what the columns of a log are, and what its signals are; ``analyze`` and ``watch`` share them.
-
-A command takes them as one parameter: ``@with_log_options`` puts the fields of ``LogOptions`` in its place, for the
-command line, and gives the command a ``LogOptions``.
-"""
+"""Options that say what the columns of a log are, and what its signals are, shared by all commands that read logs."""
 
 from __future__ import annotations
 
-import functools
-import inspect
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, fields
-from typing import Annotated, Any, get_type_hints
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import typer
 
@@ -38,7 +31,8 @@ class LogOptions:
         show_default="of the header, else mm")] = None
     counts_per_turn: Annotated[float | None, typer.Option(
         metavar="N", parser=number,
-        help="Counts per turn, for --angle-unit count: lines of the encoder times 4.")] = None
+        help="Counts per turn, lines of the encoder times 4: for --angle-unit count; of an angle in another unit "
+             "how finely it is resolved.")] = None
     angle_b: Annotated[str | None, typer.Option(
         metavar="COLUMN", help="The angle is level A of an encoder, this column is its level B: counted.")] = None
     index: Annotated[str | None, typer.Option(
@@ -86,26 +80,13 @@ class LogOptions:
                        synchronous=self.synchronous, lead=lead, **more)
 
 
-def with_log_options(command: Callable[..., None]) -> Callable[..., None]:
-    """A command with a parameter ``of_log: LogOptions`` -> one with the options of a log in its place."""
-    hints = get_type_hints(LogOptions, include_extras=True)
-    options = [inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default,
-                                 annotation=hints[one.name]) for one in fields(LogOptions)]
-    own = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-           for one in inspect.signature(command, eval_str=True).parameters.values()]
-    place = next(i for i, one in enumerate(own) if one.name == "of_log")
-
-    @functools.wraps(command)
-    def taking(**given: Any) -> None:
-        of_log = LogOptions(**{one.name: given.pop(one.name) for one in options})
-        command(of_log=of_log, **given)
-
-    parameters = [*own[:place], *options, *own[place + 1 :]]
-    taking.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined] # what inspect looks at first
-    taking.__annotations__ = {one.name: one.annotation for one in parameters}
-    return taking
-
-
 def latency(text: str) -> float:
     """Seconds of a latency in ms; NaN for ``estimate``."""
     return math.nan if text == "estimate" else 1e-3 * number(text)
+
+
+Latency = Annotated[float, typer.Option(
+    metavar="MS|estimate", parser=latency, help="The position was recorded so many ms later than the angle.")]
+Outlier = Annotated[float | None, typer.Option(
+    metavar="MM", parser=number, help="Put single positions that stick out by more than this between their "
+                                      "neighbours.")]

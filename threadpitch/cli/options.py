@@ -37,7 +37,7 @@ OF_THREAD = ("limit", "engagement")
 
 STORE = "--store"
 # What may follow --store; anything else is the next argument, as in `threadpitch run --store models/threading_lathe`
-KEEPERS = ("run", "analyze", "watch", "study")  # whose --store may stand alone; elsewhere it names the store
+KEEPERS = ("run", "resume", "analyze", "watch", "study")  # whose --store may stand alone; elsewhere it names the store
 ADDRESS = r"default|[a-z+]+://.*|[^-].*\.(db|sqlite3?)"
 
 
@@ -102,6 +102,11 @@ Control = Annotated[Path | None, typer.Option(
 Flavor = Annotated[str | None, typer.Option(
     metavar="native|python", help="Kind of FMUs that are built: native code, or Python by PythonFMU.",
     show_default="native where a C compiler is found")]
+Workers = Annotated[int | None, typer.Option(
+    metavar="N", min=0, help="Processes of a local Dask cluster; 0: this process, without Dask.",
+    show_default="one for each core")]
+Scheduler = Annotated[str | None, typer.Option(
+    metavar="ADDRESS", help="Dask scheduler that runs already, such as tcp://host:8786.")]
 AsJson = Annotated[bool, typer.Option(
     "--json", metavar="", help="Print one JSON document on standard output (mm, degrees, s).")]
 

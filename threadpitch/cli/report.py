@@ -11,20 +11,21 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from threadpitch.cli import log_options
 from threadpitch.cli.analyze import CROSSINGS
-from threadpitch.cli.log_options import LogOptions
+from threadpitch.cli.judging import NO_TOLERANCE
+from threadpitch.cli.log_options import Latency, LogOptions, Outlier
+from threadpitch.cli.option_records import with_option_records
 from threadpitch.cli.options import OF_THREAD, WITHOUT_MEASURED, WITHOUT_THREAD, StartAngles, number, radians, refuse
 from threadpitch.cli.printing import ReadingLine, fail, printing
 from threadpitch.judgement.measured_file import read_measured
-from threadpitch.pitch import pitch_tables
+from threadpitch.pitch import PitchTable, pitch_tables
 from threadpitch.report.content import Report, Thread
 from threadpitch.report.limits import Allowed, limited
 from threadpitch.report.output import check_output, write_report
 from threadpitch.report.recorded_log import LogQuestion, chosen_groups, log_thread
 from threadpitch.report.recorded_run import read_run
 from threadpitch.report.study_document import write_study
-from threadpitch.sparkline import deviation_lines, verdict_line
+from threadpitch.sparkline import deviation_lines, variable_deviation_lines, verdict_line
 from threadpitch.studies import is_study, kept
 from threadpitch.study_report import sentences
 from threadpitch.tables import printable
@@ -34,11 +35,11 @@ from threadpitch.units import to_si
 _NAMED = 3  # threads in a title
 
 
-_OF_LOG = (*(one.name for one in fields(log_options.LogOptions)), "latency", "outlier", "crossing", "start_angle",
-           "target")
+_OF_LOG = (*(one.name for one in fields(LogOptions)), "latency", "outlier", "crossing", "start_angle", "target",
+           "lead_change")
 
 
-@log_options.with_log_options
+@with_option_records
 def report(
     context: typer.Context,
     inputs: Annotated[list[Path], typer.Argument(
@@ -53,12 +54,8 @@ def report(
     chosen: Annotated[str | None, typer.Option(
         "--pass", metavar="NAME|all", help="Pass of a run or group of a log.",
         show_default="what makes the final flank, the last group")] = None,
-    latency: Annotated[float, typer.Option(
-        metavar="MS|estimate", parser=log_options.latency,
-        help="The position was recorded so many ms later than the angle.")] = 0.0,
-    outlier: Annotated[float | None, typer.Option(
-        metavar="MM", parser=number,
-        help="Put single positions that stick out by more than this between their neighbours.")] = None,
+    latency: Latency = 0.0,
+    outlier: Outlier = None,
     crossing: Annotated[str, typer.Option(
         metavar="linear|edges", help="How xi at a crossing is found, as for analyze.")] = "linear",
     start_angle: StartAngles = None,
@@ -67,6 +64,9 @@ def report(
     target: Annotated[float | None, typer.Option(
         metavar="MM", parser=number, help="Movement per revolution that was wanted in the log.",
         show_default="of --thread, else the median")] = None,
+    lead_change: Annotated[float | None, typer.Option(
+        metavar="MM", parser=number, help="What the lead in the log changes by in every turn, from --target at the "
+                                          "first sample on, as for analyze.")] = None,
     uncertainty: Annotated[float | None, typer.Option(
         metavar="UM", parser=number, help="Standard uncertainty of one measured pitch.",
         show_default="a run keeps its verdict")] = None,
@@ -107,12 +107,15 @@ def report(
         refuse(context, ("ball_screw",), WITHOUT_MEASURED)
     if thread is None:
         refuse(context, OF_THREAD, WITHOUT_THREAD)
+    if lead_change:
+        _check_lead_change(target, thread)
     choice = of_log.choice()
     signals = of_log.signals(target, latency=latency, outlier=None if outlier is None else 1e-3 * outlier)
     designation = None if thread is None else parse_thread(thread)
     wanted = _si(target, "mm") if target is not None or designation is None else designation.lead
     question = LogQuestion(wanted, () if measured is None else tuple(read_measured(measured)), _si(uncertainty, "um"),
-                           _si(of_log.screw_lead if ball_screw is None else ball_screw, "mm"))
+                           _si(of_log.screw_lead if ball_screw is None else ball_screw, "mm"),
+                           to_si(lead_change or 0.0, "mm"))
     starts = radians(start_angle or [0.0])
 
     def threads_of(path: Path) -> list[Thread]:
@@ -132,13 +135,27 @@ def report(
         console = Console()
         for one in threads:
             console.print(Text(printable(one.name), style="bold"))
-            for line in deviation_lines(console, one.nominal, one.target, one.chosen):
+            for line in _deviation_lines(console, one):
                 console.print(line)
             if one.verdict is not None:
                 console.print(verdict_line(one.verdict.cause, printable(one.verdict.sentence)))
             for note in one.notes:
                 console.print(Text(printable(note)))
         print(f"saved in {output}")
+
+
+def _deviation_lines(console: Console, one: Thread) -> list[Text]:
+    if one.lead_change:
+        less = PitchTable.of_pitches(one.deviation, one.nominal.start_angles)
+        return variable_deviation_lines(console, less, one.chosen)
+    return deviation_lines(console, one.nominal, one.target, one.chosen)
+
+
+def _check_lead_change(target: float | None, thread: str | None) -> None:
+    if thread is not None:
+        fail(NO_TOLERANCE)
+    if target is None:
+        fail("--lead-change counts from the lead at the first sample; give it with --target in mm")
 
 
 def _title(threads: Sequence[Thread]) -> str:

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from threadpitch import cycles, lathe
-from threadpitch.cli import store_options
 from threadpitch.cli.coupling import (
     DEFAULT,
     Adaptive,
@@ -21,7 +20,8 @@ from threadpitch.cli.coupling import (
     Words,
     read_method,
 )
-from threadpitch.cli.kept import Asked, Keeper, check_store, keeping_run
+from threadpitch.cli.kept import Keeper, check_store, keeping_run
+from threadpitch.cli.option_records import with_option_records
 from threadpitch.cli.options import (
     AsJson,
     Assignments,
@@ -44,6 +44,7 @@ from threadpitch.cli.options import (
 from threadpitch.cli.outcome import DEFAULT_OUTPUT, finish, finish_program, keeping, save
 from threadpitch.cli.printing import fail, printing, progress
 from threadpitch.cli.program import Job, run_program
+from threadpitch.cli.store_options import NOT_KEPT, KeepOptions, ThreadName, refuse_labels_of_nothing
 from threadpitch.cosim.keeping import SAVING_TIME
 from threadpitch.cosim.values import Given
 from threadpitch.faults import fault_names, read_fault
@@ -51,11 +52,11 @@ from threadpitch.measuring import read_plan
 from threadpitch.parameters import read_assignments, read_parameters
 from threadpitch.replacement import read_replacements
 from threadpitch.run_folder import check_folder
-from threadpitch.runs import Labels
 
 _OF_PROGRAM = ("control", "dialect", "starts", "wait", "increments")
 
 
+@with_option_records
 def run(
     context: typer.Context,
     system: Annotated[str, typer.Argument(
@@ -106,13 +107,8 @@ def run(
     isolate: Annotated[list[str] | None, typer.Option(
         metavar="NAME ...", help="Components in processes of their own, whose crash ends the run in order; all for "
                                  "all.")] = None,
-    store: store_options.Keep = None,
-    machine: store_options.Machine = "",
-    program_name: store_options.ProgramName = "",
-    thread: store_options.ThreadName = "",
-    serial: store_options.SerialNumber = "",
-    note: store_options.Note = "",
-    publish: store_options.Publish = None,
+    keep: KeepOptions = NOT_KEPT,
+    thread: ThreadName = "",
     as_json: AsJson = False,
 ) -> None:
     """Simulate a lathe that cuts a thread, print the movement per revolution and where its fluctuation comes from."""
@@ -120,7 +116,7 @@ def run(
     if program is None:
         refuse(context, _OF_PROGRAM, "belongs to --program; for a run without one use --set controller.starts=2 and "
                                      "the like")
-    store_options.refuse_labels_of_nothing(context, "thread")
+    refuse_labels_of_nothing(context, "thread")
     if checkpoint is None and checkpoint_every is not None:
         fail("--checkpoint-every saves nothing without --checkpoint FILE; give one")
     chosen = None if fault is None else read_fault(fault)
@@ -145,8 +141,7 @@ def run(
                 replace=replaced, isolate=isolate == ["all"] or isolate or False, progress=told,
                 turned=None if keeper is None else keeper.live)
 
-    cut = program_name or ("" if program is None else program.name)
-    kept = Asked(store, tuple(publish or ()), Labels(machine, cut, thread, serial, note))
+    kept = keep.asked(thread=thread, program="" if program is None else program.name)
     if program is None:
         with keeping_run(kept, "simulation", system) as keeper:
             simulation = simulated(output, {}, None if chosen is None else chosen.stop_time, keeper)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
 import typer
 
+from threadpitch.cli.kept import Asked
 from threadpitch.cli.options import refuse
+from threadpitch.runs import Labels
 from threadpitch.store import ENVIRONMENT
 
 _WHERE = "a file like runs.db, or postgresql://user@host/name"
@@ -15,15 +18,29 @@ Keep = Annotated[str | None, typer.Option(
                                      "user's own.")]
 StoreAddress = Annotated[str | None, typer.Option(
     "--store", metavar="URL", help=f"The store: {_WHERE}.", show_default=f"{ENVIRONMENT}, else the user's own")]
-Machine = Annotated[str, typer.Option("--machine", metavar="NAME", help="The machine, kept with the run.")]
-ProgramName = Annotated[str, typer.Option("--program-name", metavar="NAME", help="The program, kept with the run.")]
 ThreadName = Annotated[str, typer.Option("--thread", metavar="NAME", help="The thread, kept with the run.")]
-SerialNumber = Annotated[str, typer.Option("--serial", metavar="NUMBER", help="The part's serial number, kept with "
-                                                                              "the run.")]
-Note = Annotated[str, typer.Option("--note", metavar="TEXT", help="The operator's note, kept with the run.")]
-Publish = Annotated[list[str] | None, typer.Option(
-    "--publish", metavar="URL", help="Bring values to an MQTT broker (mqtts://user@host/prefix) or be an OPC UA server "
-                                     "(opc.tcp://127.0.0.1:4840); the run is kept in the store.")]
+
+
+@dataclass(frozen=True)
+class KeepOptions:
+    """The options themselves; ``--thread`` is none of them, because to some commands it says more."""
+
+    store: Keep = None
+    machine: Annotated[str, typer.Option(metavar="NAME", help="The machine, kept with the run.")] = ""
+    program_name: Annotated[str, typer.Option(metavar="NAME", help="The program, kept with the run.")] = ""
+    serial: Annotated[str, typer.Option(metavar="NUMBER", help="The part's serial number, kept with the run.")] = ""
+    note: Annotated[str, typer.Option(metavar="TEXT", help="The operator's note, kept with the run.")] = ""
+    publish: Annotated[list[str] | None, typer.Option(
+        metavar="URL", help="Bring values to an MQTT broker (mqtts://user@host/prefix) or be an OPC UA server "
+                            "(opc.tcp://127.0.0.1:4840); the run is kept in the store.")] = None
+
+    def asked(self, *, thread: str, program: str = "") -> Asked:
+        """What is to be kept; ``program`` is its name unless another is given."""
+        labels = Labels(self.machine, self.program_name or program, thread, self.serial, self.note)
+        return Asked(self.store, tuple(self.publish or ()), labels)
+
+
+NOT_KEPT = KeepOptions()
 
 
 def refuse_labels_of_nothing(context: typer.Context, *more: str) -> None:

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from threadpitch import studies
 from threadpitch.cli.kept import stored_line
-from threadpitch.cli.options import AsJson
+from threadpitch.cli.options import AsJson, Scheduler, Workers
 from threadpitch.cli.printing import fail, print_json, printing, remark
 from threadpitch.cli.store_options import Keep
 from threadpitch.report.figure import check_figure
@@ -33,11 +33,8 @@ def study(
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for rows, study.parquet and analysis.json; what "
                                                              "is done in it is not done again.")]
     = Path(studies.DEFAULT_OUTPUT),
-    workers: Annotated[int | None, typer.Option(
-        metavar="N", min=0, help="Processes of a local Dask cluster; 0: this process, without Dask.",
-        show_default="one for each core")] = None,
-    scheduler: Annotated[str | None, typer.Option(
-        metavar="ADDRESS", help="Dask scheduler that runs already, such as tcp://host:8786.")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     queue: Annotated[bool, typer.Option(
         "--queue", metavar="",
         help="Workers are jobs of the queue that the study's table 'cluster' configures (SLURM, PBS, ...).")] = False,

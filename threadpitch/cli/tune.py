@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from threadpitch import studies
-from threadpitch.cli.options import AsJson
+from threadpitch.cli.options import AsJson, Scheduler, Workers
 from threadpitch.cli.printing import fail, print_json, printing, remark
 from threadpitch.cli.study import counting_rows
 from threadpitch.fmu.cache import write_file
@@ -22,11 +22,8 @@ def tune(
                                                show_default=False)],
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder for what was computed; a search that was stopped "
                                                              "goes on in it.")] = Path(DEFAULT_OUTPUT),
-    workers: Annotated[int | None, typer.Option(
-        metavar="N", min=0, help="Processes of a local Dask cluster; 0: this process, without Dask.",
-        show_default="one for each core")] = None,
-    scheduler: Annotated[str | None, typer.Option(
-        metavar="ADDRESS", help="Dask scheduler that runs already, such as tcp://host:8786.")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     queue: Annotated[bool, typer.Option(
         "--queue", metavar="",
         help="Workers are jobs of the queue that the table 'cluster' configures (SLURM, PBS, ...).")] = False,

@@ -11,14 +11,14 @@ from typing import Annotated
 
 import typer
 
-from threadpitch.cli import store_options
 from threadpitch.cli.judging import Findings
-from threadpitch.cli.kept import Asked, Keeper, keeping_run, stored_line
-from threadpitch.cli.log_options import LogOptions, with_log_options
+from threadpitch.cli.kept import Keeper, keeping_run, stored_line
+from threadpitch.cli.log_options import LogOptions
+from threadpitch.cli.option_records import with_option_records
 from threadpitch.cli.options import AsJson, StartAngles, number, radians, refuse
 from threadpitch.cli.printing import printing, remark
+from threadpitch.cli.store_options import NOT_KEPT, KeepOptions, ThreadName, refuse_labels_of_nothing
 from threadpitch.pitch import GroupStream, StreamedPitch, thread_pitch
-from threadpitch.runs import Labels
 from threadpitch.runs.events import Running, Turn
 from threadpitch.store.records import LOG
 from threadpitch.tables import printable
@@ -26,7 +26,7 @@ from threadpitch.trace import TURN, Group, Samples, TraceError, watch_pieces
 from threadpitch.units import from_si
 
 
-@with_log_options
+@with_option_records
 def watch(
     context: typer.Context,
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Text log that still grows; - for standard input.")],
@@ -37,27 +37,21 @@ def watch(
     start_angle: StartAngles = None,
     idle: Annotated[float | None, typer.Option(
         metavar="S", parser=number, help="End when the file has not grown for so long.", show_default="never")] = None,
-    store: store_options.Keep = None,
-    machine: store_options.Machine = "",
-    program_name: store_options.ProgramName = "",
-    thread: store_options.ThreadName = "",
-    serial: store_options.SerialNumber = "",
-    note: store_options.Note = "",
-    publish: store_options.Publish = None,
+    keep: KeepOptions = NOT_KEPT,
+    thread: ThreadName = "",
     as_json: AsJson = False,
 ) -> None:
     """Print each movement per revolution, with running minimum, maximum and mean, while the machine runs."""
     if not of_log.synchronous and of_log.index_enable is None:
         refuse(context, ("target",), "is of passes that are found; give --synchronous or --index-enable too, or leave "
                                      "it out")
-    store_options.refuse_labels_of_nothing(context, "thread")
+    refuse_labels_of_nothing(context, "thread")
     choice, signals = of_log.choice(), of_log.signals(target)
     starts = radians(start_angle or [0.0])
     if idle is not None and idle < 0.0:
         raise TraceError(f"--idle is {idle:g} s; give 0 or more")
     thread_pitch([0.0, TURN, 2.0 * TURN], [0.0, 1.0, 2.0])  # what is compiled is loaded before the first sample comes
-    kept = Asked(store, tuple(publish or ()), Labels(machine, program_name, thread, serial, note))
-    with keeping_run(kept, "log", str(log)) as keeper:
+    with keeping_run(keep.asked(thread=thread), "log", str(log)) as keeper:
         watched = _Watched(starts, keeper)
         with contextlib.suppress(KeyboardInterrupt), printing():  # that is how one stops watching
             if not as_json:

@@ -36,7 +36,7 @@ class Channel:
     component: str
     variable: FmuVariable
 
-    @property
+    @cached_property
     def name(self) -> str:
         """``component.variable``."""
         return f"{self.component}.{self.variable.name}"

@@ -11,12 +11,19 @@ Look = Callable[[Mapping[str, Column]], None]  # columns by ``component.variable
 
 
 class Onlooker:
-    """Shows what has been recorded since the last look; rows that left the block between two looks are not shown."""
+    """Shows what has been recorded since the last look; rows that left the block between two looks are not shown.
+
+    Of a run that is gone on with it begins with all that the former process kept.
+    """
 
     def __init__(self, recorder: Recorder, watched: Taking, look: Look) -> None:
         self._recorder, self._look = recorder, look
         self._taking = Taking(watched.channels, self, on=[channel.name for channel in watched.on])
-        self._seen = 0  # rows
+        self._taking.last = watched.last
+        self._seen = recorder.drained  # rows
+        if watched.taken:
+            kept = watched.sink.close()
+            look({channel.name: kept.column(channel) for channel in watched.channels.all})
 
     def __call__(self) -> None:
         """Look."""

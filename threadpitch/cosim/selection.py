@@ -84,21 +84,25 @@ def choose_channels(plan: Plan, record: Iterable[str]) -> list[Channel]:
         SystemStructureError: a word or name matches nothing; all that do not are told.
     """
     words = [record] if isinstance(record, str) else list(record)
-    known = [Channel(component.name, variable) for component in plan.system.components
-             for variable in plan.descriptions[component.name].variables.values() if variable.exchanged]
+    channels = [Channel(component.name, variable) for component in plan.system.components
+                for variable in plan.descriptions[component.name].variables.values() if variable.exchanged]
+    known = {channel.name for channel in channels}
     chosen: set[str] = set()
     problems = []
     for word in words:
         if word in _GROUPS:
-            chosen |= {channel.name for channel in known if channel.variable.causality in _GROUPS[word]}
+            chosen |= {channel.name for channel in channels if channel.variable.causality in _GROUPS[word]}
+            continue
+        if word in known:  # not by its pattern: thousands of names would be compared with thousands
+            chosen.add(word)
             continue
         # Not fnmatch: brackets are the indices of arrays here.
         pattern = re.compile(re.escape(word).replace(r"\*", ".*").replace(r"\?", "."))
-        found = {channel.name for channel in known if pattern.fullmatch(channel.name)}
+        found = {name for name in known if pattern.fullmatch(name)}
         if not found:
-            hint = nearest(word, [*_GROUPS, *(channel.name for channel in known)])
+            hint = nearest(word, [*_GROUPS, *(channel.name for channel in channels)])
             problems.append(f"nothing to record is called {word!r}{hint}")
         chosen |= found
     if problems:
         raise SystemStructureError(*problems)
-    return [channel for channel in known if channel.name in chosen]
+    return [channel for channel in channels if channel.name in chosen]

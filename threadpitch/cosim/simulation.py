@@ -6,7 +6,7 @@ import json
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from threadpitch.cosim.keeping import Keeper, Keeping, warn_of_versions
 from threadpitch.cosim.metadata import again, describe, plain_parameters, versions
 from threadpitch.cosim.method import Method, check_method, has_event_mode
 from threadpitch.cosim.network import Network
-from threadpitch.cosim.onlooker import Onlooker
+from threadpitch.cosim.onlooker import Look, Onlooker
 from threadpitch.cosim.recording import Recorder
 from threadpitch.cosim.result import Result
 from threadpitch.cosim.schedule import Schedule
@@ -57,7 +57,7 @@ class _Request:
     progress: master.Progress | None
 
 
-def simulate(system: System | str | Path, *, parameters: Mapping[str, Given] | None = None,
+def simulate(system: System | Plan | str | Path, *, parameters: Mapping[str, Given] | None = None,
              stop_time: float | None = None, step_size: float | None = None, start_time: float | None = None,
              record: Iterable[str] = ("outputs",), record_every: int = 1, record_on: Iterable[str] = (),
              watch: Watch | None = None,
@@ -65,7 +65,7 @@ def simulate(system: System | str | Path, *, parameters: Mapping[str, Given] | N
              method: Method | None = None, engine: str | None = None, isolate: bool | Iterable[str] = False,
              time_limit: float | None = None, progress: master.Progress | None = None,
              about: Mapping[str, Any] | None = None) -> Result:
-    """Simulate a system of FMI 2.0 and 3.0 co-simulation FMUs and return what was recorded.
+    """Simulate a system of FMI 2.0 and 3.0 co-simulation FMUs, or a plan of one, and return what was recorded.
 
     ``parameters`` maps ``component.variable`` to a number (SI), a truth value or a text ("10mm", "linear_motor").
     Times are seconds; what is None comes from the SSD's default experiment, the step size from the smallest that an
@@ -102,14 +102,15 @@ def simulate(system: System | str | Path, *, parameters: Mapping[str, Given] | N
         about=dict(about or {}), time_limit=time_limit, progress=progress))
 
 
-def resume(checkpoint: str | Path, *, system: System | str | Path | None = None, stop_time: float | None = None,
+def resume(checkpoint: str | Path, *, system: System | Plan | str | Path | None = None, stop_time: float | None = None,
            results: str | Path | None = None, checkpoint_every: float = 60.0, engine: str | None = None,
-           time_limit: float | None = None, progress: master.Progress | None = None) -> Result:
+           time_limit: float | None = None, progress: master.Progress | None = None,
+           look: Look | None = None) -> Result:
     """Go on with a run from its checkpoint, to the same bits as if it had never ended.
 
     ``system`` is the one that was simulated (default: where it was then), ``stop_time`` may be later than that of the
     run, and ``results`` another place that the files were moved to. The checkpoint is written on. Rows that were
-    recorded behind it are replaced.
+    recorded behind it are replaced. ``look`` is shown what the run watches: first all that it kept so far.
 
     Raises:
         CheckpointError: the file is no checkpoint, or FMUs, parameters or method are not those of the run.
@@ -124,17 +125,18 @@ def resume(checkpoint: str | Path, *, system: System | str | Path | None = None,
         if system is None:
             raise CheckpointError(f"{checkpoint}: does not say where its system is; hand it over")
     stop = arguments["stop_time"] if stop_time is None else stop_time
+    watch = None if arguments["watch"] is None else replace(arguments["watch"], look=look)
     return _simulate(system, _Request(
         parameters=arguments["parameters"], times=(arguments["start_time"], stop, arguments["step_size"]),
         selection=Selection(tuple(arguments["record"]), arguments["record_every"], tuple(arguments["record_on"]),
-                            arguments["watch"]), method=arguments["method"], engine=engine,
+                            watch), method=arguments["method"], engine=engine,
         isolate=tuple(arguments["isolate"]), about=arguments["about"], time_limit=time_limit, progress=progress,
         keeping=Keeping(None if place is None else Path(place), Path(checkpoint), checkpoint_every)), saved)
 
 
-def _simulate(system: System | str | Path, request: _Request, saved: Checkpoint | None = None) -> Result:
+def _simulate(system: System | Plan | str | Path, request: _Request, saved: Checkpoint | None = None) -> Result:
     with ExitStack() as stack:
-        if not isinstance(system, System):
+        if not isinstance(system, System | Plan):
             system = stack.enter_context(read_system(system))
         plan = stack.enter_context(prepare(system, request.parameters))
         start, stop, step = request.times
@@ -211,12 +213,17 @@ def _words(given: Iterable[str]) -> tuple[str, ...]:
 
 
 @contextmanager
-def prepare(system: System, parameters: Mapping[str, Given] | None = None) -> Iterator[Plan]:
+def prepare(system: System | Plan, parameters: Mapping[str, Given] | None = None) -> Iterator[Plan]:
     """Unpack the FMUs of a system and check all; the unpacked files are removed when the context ends.
+
+    A plan is checked with other parameters; its FMUs are unpacked already.
 
     Raises:
         SystemStructureError: as ``simulate``; FMUs that cannot be read are among its problems.
     """
+    if isinstance(system, Plan):
+        yield check(system.system, system.descriptions, parameters)
+        return
     with opened(system) as fmus:
         yield check(system, fmus.descriptions, parameters, fmus.problems)
 

@@ -6,6 +6,7 @@ The flags keep IEEE arithmetic, so that a native FMU calculates the bits that Py
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.metadata
 import importlib.util
@@ -208,11 +209,17 @@ def _system() -> Compiler | None:
     if command is None:
         return None
     try:
-        done = subprocess.run([*command, "--version"], capture_output=True, text=True, errors="replace", check=False)
+        return Compiler(tuple(command), _version(tuple(command), Path(command[0]).stat().st_mtime_ns))
     except OSError as error:
         raise BuildError(f"the C compiler {command[0]} cannot be run ({error.strerror}); "
                          "name another in the environment variable CC") from error
-    return Compiler(tuple(command), (done.stdout.splitlines() or ["unknown version"])[0])
+
+
+@functools.lru_cache(maxsize=16)
+def _version(command: tuple[str, ...], _changed: int) -> str:
+    """What the compiler calls itself; it is asked once, and again when its file has changed."""
+    done = subprocess.run([*command, "--version"], capture_output=True, text=True, errors="replace", check=False)
+    return (done.stdout.splitlines() or ["unknown version"])[0]
 
 
 def _zig(target: Platform) -> Compiler | None:

@@ -10,6 +10,7 @@ fields and methods in several files. All of them together are held to the subset
 from __future__ import annotations
 
 import ast
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -95,11 +96,17 @@ def _read(path: Path) -> str:
         raise ModelError(f"{path}: the model is not UTF-8 text; save it as UTF-8") from error
 
 
+@functools.lru_cache(maxsize=64)
+def _parsed(source: str) -> ast.Module:
+    """For looking at: models are read many times."""
+    return ast.parse(source)
+
+
 def _join(path: Path, pieces: list[tuple[Path, str]], above: tuple[Path, ...]) -> None:
     """Put the parts of a file and then the file itself behind the pieces; an import of a part leaves empty lines."""
     source = _read(path)
     try:
-        tree = ast.parse(source, filename=str(path))
+        tree = _parsed(source)
     except SyntaxError as error:
         raise ModelError(f"{path}:{error.lineno}: {error.msg}; this is not Python that can be read") from error
     lines = source.removesuffix("\n").split("\n")
@@ -129,7 +136,7 @@ def _part(path: Path, node: ast.ImportFrom) -> Path:
 
 
 def _check_imported(path: Path, node: ast.ImportFrom, part: Path) -> None:
-    defined = _defined(ast.parse(_read(part)))
+    defined = _defined(_parsed(_read(part)))
     for alias in node.names:
         if alias.asname is not None:
             _refuse(path, node, "gives a part's name another one", "import it without as")
@@ -137,10 +144,11 @@ def _check_imported(path: Path, node: ast.ImportFrom, part: Path) -> None:
             _refuse(path, node, f"finds no {alias.name} in {part.name}", "mend the name")
 
 
+@functools.lru_cache(maxsize=64)
 def _check_names(text: SourceText) -> None:
     """What two files define under one name would be one thing in the joined text."""
     seen: dict[str, ast.stmt] = {}
-    for node in ast.parse(text.source).body:
+    for node in _parsed(text.source).body:
         for name in _defined_by(node):
             if name in seen and text.file(node) != text.file(seen[name]):
                 raise ModelError(f"{text.place(node.lineno)}: {name} is defined in {text.place(seen[name].lineno)} "

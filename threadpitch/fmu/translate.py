@@ -9,6 +9,7 @@ such code calls; Pyccel's own headers abort the host on a bad index and do not c
 from __future__ import annotations
 
 import ast
+import functools
 import importlib.metadata
 import importlib.util
 import math
@@ -26,6 +27,7 @@ from threadpitch.fmu.cache import cache_folder, write_folder
 from threadpitch.fmu.failure import BuildError
 from threadpitch.fmu.model import Model
 from threadpitch.fmu.plain import PREFIX, Dialect, content_hash, module_text
+from threadpitch.fmu.source_text import SourceText
 from threadpitch.fmu.subset import check_subset
 from threadpitch.fmu.variable import ModelError, Variable
 
@@ -175,8 +177,8 @@ def _failure(model: Model, text: str, output: str) -> str:
 
 def source_line(model: Model, text: str, number: int) -> int:
     """The line of the model's text that line ``number`` of the module made from it came from."""
-    made, original = _functions(ast.parse(text)), _functions(model.text.tree())
-    for name, node in made.items():
+    original = _original_functions(model.text)
+    for name, node in _made_functions(text).items():
         own = original.get(name.removeprefix(FUNCTION_PREFIX))
         if not node.lineno <= number <= (node.end_lineno or node.lineno) or own is None:
             continue
@@ -187,6 +189,16 @@ def source_line(model: Model, text: str, number: int) -> int:
         lines = [(there.lineno, here.lineno) for there, here in pairs if there.lineno <= number]
         return max(lines)[1] if lines else own.lineno
     return 1
+
+
+@functools.lru_cache(maxsize=8)
+def _made_functions(text: str) -> dict[str, ast.FunctionDef]:
+    return _functions(ast.parse(text))
+
+
+@functools.lru_cache(maxsize=8)
+def _original_functions(text: SourceText) -> dict[str, ast.FunctionDef]:
+    return _functions(text.tree())
 
 
 def _functions(tree: ast.Module) -> dict[str, ast.FunctionDef]:

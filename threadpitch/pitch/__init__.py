@@ -7,7 +7,8 @@ xi(theta) is the feed position at the spindle angle theta, theta_S a start angle
 the lead, and the pitch is lead / starts.
 """
 
-from threadpitch.pitch.edges import edge_pitch_table
+from threadpitch.pitch.changing_lead import first_lead, leads_of_turns
+from threadpitch.pitch.edge_stream import edge_pitch_table
 from threadpitch.pitch.proper import thread_proper, usual
 from threadpitch.pitch.recorded import GroupPitch, pitch_table, pitch_tables, thread_pitch
 from threadpitch.pitch.stored import Stored
@@ -27,6 +28,8 @@ __all__ = [
     "Stored",
     "StreamedPitch",
     "edge_pitch_table",
+    "first_lead",
+    "leads_of_turns",
     "pitch_table",
     "pitch_tables",
     "statistics",

@@ -24,20 +24,17 @@ The windows of two crossings of a start angle have no sample in common.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy  # its parts are loaded when they are used
-from numpy.typing import ArrayLike
 
-from threadpitch.pitch.recorded import pitch_table
-from threadpitch.pitch.rounding import LOOKED_AT, Rounding, count_of, of_rest, of_sum, waves
-from threadpitch.pitch.table import PitchError, PitchTable
-from threadpitch.trace import TURN, FloatArray, IntArray, Trace
+from threadpitch.pitch.rounding import Rounding, count_of, of_rest, of_sum, waves
+from threadpitch.trace import TURN, FloatArray, IntArray
 
 WINDOW = TURN / 16.0  # rad on either side of a crossing; the feed's error is nearly a parabola in there
 LEAST = 6  # observations in a window
-_MOST = 2000  # samples on either side
+MOST = 2000  # samples on either side
 _EDGES_BELOW = 0.7  # counts per sample, from which on edges tell less than samples
 _SMALLEST_ANGLE = 1e-5  # rad, of a count that matters
 _SMALLEST_MOVEMENT = 1e-9  # m, likewise
@@ -48,11 +45,17 @@ _SINGULAR = 1e-9  # of the largest, a diagonal element of a fit without a soluti
 
 
 @dataclass(frozen=True)
-class _Counts:
+class Counts:
     """What one count of the signals is."""
 
     angle: float  # rad
     position: float  # m
+
+    @classmethod
+    def of(cls, angle: FloatArray, position: FloatArray, resolution: float) -> Counts:
+        """As the signals show; ``resolution`` of the angle, rad, 0 = not known."""
+        return cls(resolution or count_of(angle, _SMALLEST_ANGLE) or _ANY_ANGLE,
+                   count_of(position, _SMALLEST_MOVEMENT) or _ANY_MOVEMENT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +89,7 @@ class _Smooth:
 
 
 @dataclass(frozen=True, eq=False)
-class _Crossing:
+class Crossing:
     """xi at a level, and what its uncertainty and that of the whole recording are made of."""
 
     position: float  # m
@@ -105,156 +108,43 @@ class _Crossing:
     position_left: Rounding
 
     def row(self) -> FloatArray:
-        """All of it as numbers, (_NUMBERS,)."""
+        """All of it as numbers, (NUMBERS,)."""
         scalars = [getattr(self, name) for name in _SCALARS]
         return np.concatenate((scalars, *(getattr(self, name).row() for name in _ROUNDINGS)))
 
 
 _SCALARS = ("position", "step", "lasts", "weight", "squares", "freedom", "noise_left", "scatter", "scatter_freedom")
 _ROUNDINGS = ("by_angle", "angle_left", "angle_scatter", "by_position", "position_left")
-_NUMBERS = len(_SCALARS) + len(_ROUNDINGS) * Rounding.NUMBERS
-
-
-class EdgeStream:
-    """Crossings by edges of a recording that comes piece by piece: the same bits, however it is cut.
-
-        edges = EdgeStream(start_angles, turns_before, resolution)
-        for angle, position in pieces:
-            edges.add(angle, position)
-        table = edges.table(linear)
-
-    Memory grows with the turns: of the samples those around the next crossing are kept.
-
-    Args:
-        start_angles: (start_angles,) rad, and ``turns_before`` of the table of linear crossings.
-        resolution: one count of the angle, rad; 0 = to be found.
-        label: what to call the recording in a message.
-    """
-
-    def __init__(self, start_angles: FloatArray, turns_before: int, resolution: float, label: str) -> None:
-        self._starts, self._before, self._resolution, self._label = start_angles, turns_before, resolution, label
-        self._counts: _Counts | None = None  # once there are enough samples to find them
-        self._next = np.zeros(start_angles.size, np.int64)  # columns
-        self._window = _Window(*(np.empty(0) for _ in range(3)))
-        self._places: list[tuple[int, int]] = []  # start angle and column of the rows
-        self._rows = np.empty((0, _NUMBERS))
-
-    def add(self, angle: FloatArray, position: FloatArray) -> None:
-        """The next samples, angle (samples,) rad, position (samples,) m, without faults."""
-        self._window = self._window.longer(angle, position)
-        if self._counts is None:
-            if self._window.angle.size < LOOKED_AT:
-                return
-            self._find_counts()
-        for start in range(self._starts.size):
-            while self._is_whole(level := self._level(start, int(self._next[start]))):
-                self._cross(start, level)
-        reached = min(self._window.reaching(self._level(start, int(column)))
-                      for start, column in enumerate(self._next))
-        self._window = self._window.since(reached - _MOST)
-
-    def table(self, linear: PitchTable) -> PitchTable:
-        """The table of linear crossings with those by edges in their place, and ``PitchTable.uncertainty``.
-
-        Raises:
-            PitchError: there are too few observations for a single turn.
-        """
-        if self._counts is None:
-            self._find_counts()
-        columns = linear.crossings.shape[1]
-        for start in range(self._starts.size):
-            while self._next[start] < columns:
-                self._cross(start, self._level(start, int(self._next[start])))
-        crossings, variances = np.full(linear.crossings.shape, np.nan), np.full(linear.crossings.shape, np.nan)
-        places = np.array(self._places, np.int64).reshape(-1, 2)
-        known = ~np.isnan(linear.crossings[places[:, 0], places[:, 1]])
-        order = np.lexsort((places[:, 1], places[:, 0]))
-        order = order[known[order]]
-        rows, at = self._rows[order], tuple(places[order].T)
-        crossings[at] = rows[:, 0]
-        if np.isnan(np.diff(crossings, axis=1)).all():
-            raise PitchError(f"{self._label}: too few samples or counts per turn for crossings by edges; take linear "
-                             "ones")
-        assert self._counts is not None
-        variances[at] = _variances(rows, self._counts)
-        direction = np.sign(np.nansum(linear.pitch * np.diff(linear.crossings, axis=1))) or 1.0
-        note = "crossings by the edges of the angle's counts, with the standard uncertainty of every P(n)"
-        return replace(
-            linear,
-            pitch=direction * np.diff(crossings, axis=1) + 0.0,
-            crossings=crossings,
-            extrapolated=np.zeros_like(linear.extrapolated),
-            uncertainty=np.sqrt(variances[:, 1:] + variances[:, :-1]),
-            notes=(*linear.notes, note),
-        )
-
-    def _find_counts(self) -> None:
-        angle, position = self._window.angle, self._window.position
-        self._counts = _Counts(self._resolution or count_of(angle, _SMALLEST_ANGLE) or _ANY_ANGLE,
-                               count_of(position, _SMALLEST_MOVEMENT) or _ANY_MOVEMENT)
-
-    def _level(self, start: int, column: int) -> float:
-        return float(self._starts[start] + TURN * (self._before + column))
-
-    def _is_whole(self, level: float) -> bool:
-        """Whether all samples have come that a crossing is found by."""
-        window = self._window
-        return window.reaching(level + WINDOW) < window.angle.size or (
-            window.reaching(level) + _MOST <= window.angle.size)
-
-    def _cross(self, start: int, level: float) -> None:
-        assert self._counts is not None
-        found = _crossing(self._window, level, self._counts)
-        if found is not None:
-            count = len(self._places)
-            if count == self._rows.shape[0]:
-                self._rows = np.concatenate((self._rows, np.empty((max(count, 16), _NUMBERS))))
-            self._rows[count] = found.row()
-            self._places.append((start, int(self._next[start])))
-        self._next[start] += 1
+NUMBERS = len(_SCALARS) + len(_ROUNDINGS) * Rounding.NUMBERS
 
 
 @dataclass(frozen=True, eq=False)
-class _Window:
+class Window:
     """The samples that are kept."""
 
     angle: FloatArray  # (samples,) rad
     position: FloatArray  # (samples,) m
     rising: FloatArray  # (samples,) rad, greatest angle so far
 
-    def longer(self, angle: FloatArray, position: FloatArray) -> _Window:
+    def longer(self, angle: FloatArray, position: FloatArray) -> Window:
         """With the next samples."""
         if self.angle.size == 0:
-            return _Window(angle, position, np.maximum.accumulate(angle))
+            return Window(angle, position, np.maximum.accumulate(angle))
         rising = np.maximum.accumulate(np.concatenate((self.rising[-1:], angle)))[1:]
-        return _Window(np.concatenate((self.angle, angle)), np.concatenate((self.position, position)),
+        return Window(np.concatenate((self.angle, angle)), np.concatenate((self.position, position)),
                        np.concatenate((self.rising, rising)))
 
-    def since(self, sample: int) -> _Window:
+    def since(self, sample: int) -> Window:
         """From a sample on."""
         part = slice(max(sample, 0), None)
-        return _Window(self.angle[part].copy(), self.position[part].copy(), self.rising[part].copy())
+        return Window(self.angle[part].copy(), self.position[part].copy(), self.rising[part].copy())
 
     def reaching(self, level: float) -> int:
         """The first sample that reaches a level; their number if there is none."""
         return int(np.searchsorted(self.rising, level))
 
 
-def edge_pitch_table(trace: Trace, start_angles: ArrayLike | None = (0.0,)) -> PitchTable:
-    """``pitch_table`` with crossings by the edges, and with ``PitchTable.uncertainty``.
-
-    A crossing that has fewer than ``LEAST`` observations around it, or on one side only, is NaN.
-
-    Raises:
-        PitchError: as ``pitch_table``; there are too few observations for a single turn.
-    """
-    linear = pitch_table(trace, start_angles)
-    edges = EdgeStream(linear.start_angles, linear.turns_before, trace.resolution, trace.whole())
-    edges.add(trace.angle, trace.position)
-    return edges.table(linear)
-
-
-def _variances(rows: FloatArray, counts: _Counts) -> FloatArray:
+def variances_of(rows: FloatArray, counts: Counts) -> FloatArray:
     """u^2(a) of the crossings of one recording, (crossings,) m2, by their rows."""
     def each(name: str) -> FloatArray:
         return rows[:, _SCALARS.index(name)]
@@ -298,9 +188,10 @@ def _explaining(squares: float, freedom: float, by_rounding: Callable[[float], f
     return float(scipy.optimize.brentq(missing, 0.0, most, xtol=1e-9 * most, rtol=1e-6))
 
 
-def _crossing(window: _Window, level: float, counts: _Counts) -> _Crossing | None:
+def crossing_in(window: Window, level: float, counts: Counts) -> Crossing | None:
+    """xi at a level (rad); None where there are too few observations around it, or on one side only."""
     middle, first, last = (window.reaching(level + side * WINDOW) for side in (0.0, -1.0, 1.0))
-    part = slice(max(first, middle - _MOST), min(last, middle + _MOST))
+    part = slice(max(first, middle - MOST), min(last, middle + MOST))
     if part.stop - part.start < LEAST:
         return None
     theta, xi = window.angle[part] - level, window.position[part]
@@ -332,7 +223,7 @@ def _observed(theta: FloatArray, count: float) -> _Observations:
 
 
 def _weighed(xi: FloatArray, seen: _Observations, fit: tuple[FloatArray, FloatArray, float],
-             counts: _Counts) -> _Crossing:
+             counts: Counts) -> Crossing:
     """The crossing of a fit: orthonormal basis, its triangle, and the angle of 1 in there, rad."""
     basis, triangle, scale = fit
     origin = float(xi[0])
@@ -355,7 +246,7 @@ def _weighed(xi: FloatArray, seen: _Observations, fit: tuple[FloatArray, FloatAr
     feeding = 0.5 * (feeding[seen.before] + feeding[seen.after])
     turned, fed = basis.T @ turning, basis.T @ feeding
     size = position.size
-    return _Crossing(
+    return Crossing(
         position=origin + float(value), step=float(slope) / scale * rate, lasts=lasts, weight=weight,
         squares=float(residuals @ residuals), freedom=size - 3, noise_left=noise_left,
         scatter=motion.squares, scatter_freedom=size - 4,

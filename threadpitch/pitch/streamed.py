@@ -9,7 +9,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from threadpitch.pitch.edges import EdgeStream
+from threadpitch.pitch.edge_stream import EdgeStream
 from threadpitch.pitch.stored import Stored, grid, stored
 from threadpitch.pitch.stream import PitchStream
 from threadpitch.pitch.table import PitchTable

@@ -14,7 +14,7 @@ from threadpitch.report.content import Report, Thread
 from threadpitch.report.curves import Curve
 from threadpitch.report.drawing import TOOLS, Chart, Plot, TurnAxes, Words, quiet
 from threadpitch.report.polar import draw_polar
-from threadpitch.report.series import Style, recordings, series, threads
+from threadpitch.report.series import TARGET, Style, recordings, series, threads
 from threadpitch.tables import printable
 from threadpitch.trace import FloatArray
 from threadpitch.units import from_si
@@ -43,13 +43,17 @@ def _pitches(report: Report, axes: TurnAxes) -> Chart:
         pitch = _mm(one.thread.nominal.pitch[one.row])
         plot.marked(one.name, one.style, _over_turn(pitch))
         plot.see(pitch[one.thread.chosen[one.row]])
-    for target in {thread.target for thread in report.threads}:
+    for target in {thread.target for thread in report.threads if not thread.lead_change}:
         plot.level(from_si(target, "mm"), "#000000")
+    for thread, name, _ in threads(report):
+        if thread.lead_change:
+            label = "target" if len(report.threads) == 1 else f"target, {name}"
+            plot.line(label, TARGET, _over_turn(_mm(thread.targets[0])))
     for low, high in {(thread.target - thread.limit, thread.target + thread.limit) for thread in report.threads
                       if thread.limit is not None}:
         plot.level(from_si(low, "mm"), _LIMIT_COLOUR, (10, 4))
         plot.level(from_si(high, "mm"), _LIMIT_COLOUR, (10, 4))
-    return plot.chart(Words("pitch", "P(n) over n", "Movement per revolution of every start angle. The solid level is "
+    return plot.chart(Words("pitch", "P(n) over n", "Movement per revolution of every start angle. The black line is "
                             f"the target; {_limit_text(report)}.", ""))
 
 
@@ -70,7 +74,7 @@ def _judged(report: Report, axes: TurnAxes) -> Chart:
             number += 1
     for thread, name, _ in threads(report):
         for measured in thread.measured:
-            deviation = _um(measured.pitch - thread.target)
+            deviation = _um(thread.measured_deviation(measured))
             label = measured.name if len(report.threads) == 1 else f"{name}: {measured.name}"
             plot.marked(label, Style.of(number), Curve(measured.turn, deviation))
             plot.see(deviation)
@@ -122,7 +126,7 @@ def _movement(report: Report) -> Chart:
         if thread.samples is None:
             continue
         turn, position = thread.samples.turn, thread.samples.position
-        kept = curves.extremes(position - thread.target * turn, curves.MOST_POINTS // 2) \
+        kept = curves.extremes(position - thread.ideal(turn), curves.MOST_POINTS // 2) \
             if turn.size > curves.MOST_POINTS else np.arange(turn.size)
         plot.line(name, style, Curve(_mm(position[kept]), 360.0 * turn[kept]))
         marked = np.arange(0.0, thread.nominal.pitch.shape[1] + 1.0)
@@ -183,7 +187,7 @@ def _spectrum(report: Report) -> Chart:
             continue
         plot.line(name, style, curves.decimated(Curve(found.x, _um(found.y))))
         if thread.screw_lead is not None:
-            plot.upright(thread.target / thread.screw_lead, style.colour)
+            plot.upright(thread.middle_target / thread.screw_lead, style.colour)
     return plot.chart(Words(
         "spectrum", "Spectrum per revolution", "Amplitudes of the deviation from the ideal line over how often they "
         "come in a revolution: whole orders make a drunken thread. A dashed line is one turn of the ball screw.",

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from threadpitch.judgement import JudgementError, MeasuredThread, Verdict, judge
-from threadpitch.pitch import BoolArray, PitchTable
+from threadpitch.pitch import BoolArray, PitchTable, leads_of_turns
 from threadpitch.tolerance import PitchConformity
 from threadpitch.trace import TURN, FloatArray
 
@@ -38,6 +38,7 @@ class Measured:
     turn: FloatArray  # (turns,) numbered as the nominal table does
     pitch: FloatArray  # (turns,) m
     uncertainty: float | None = None  # m, largest standard uncertainty of one pitch, where it is known
+    behind: float = 0.0  # turns that its start angle lies behind the first of the nominal pitches
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ class Thread:
 
     name: str
     nominal: PitchTable
-    target: float  # m, movement per revolution that was wanted
+    target: float  # m, movement per revolution that was wanted; where it changes that where n = 1 begins
     chosen: BoolArray  # (start_angles, revolutions) turns of the thread proper: in the metal, the feed at speed
     lines: tuple[str, ...] = ()  # what is told of it: kind, depth, where the target comes from
     limit: float | None = None  # m, that |P(n) - target| may reach
@@ -59,11 +60,31 @@ class Thread:
     others: PassOverview | None = None  # the passes beside this one
     notes: tuple[str, ...] = ()  # what is missing, and why
     provenance: tuple[tuple[str, str], ...] = ()  # (what, how)
+    lead_change: float = 0.0  # m per turn, in every turn
 
     @property
     def deviation(self) -> FloatArray:
         """P(n) - target, (start_angles, revolutions) m."""
-        return np.asarray(self.nominal.pitch - self.target)
+        return np.asarray(self.nominal.pitch - self.targets)
+
+    @property
+    def targets(self) -> FloatArray:
+        """The movement that was wanted of every turn, (start_angles, revolutions) m."""
+        return leads_of_turns(self.nominal, self.target, self.lead_change)
+
+    def measured_deviation(self, measured: Measured) -> FloatArray:
+        """Measured pitches less what was wanted of their turns, (turns,) m."""
+        return np.asarray(measured.pitch - self.target - self.lead_change * (measured.turn - 0.5 + measured.behind))
+
+    def ideal(self, turn: FloatArray) -> FloatArray:
+        """xi of the thread that was wanted, (samples,) m, after so many turns from the beginning of n = 1 on."""
+        return np.asarray(self.target * turn + 0.5 * self.lead_change * turn**2)
+
+    @property
+    def middle_target(self) -> float:
+        """The movement per revolution that was wanted in the middle of the thread proper, m."""
+        first, last = self.first_and_last
+        return self.target + 0.5 * self.lead_change * (first - 1 + last)
 
     @property
     def truest(self) -> tuple[Samples | None, str]:
@@ -106,7 +127,8 @@ def laid_over(table: PitchTable, measured: Sequence[MeasuredThread]) -> tuple[Me
         name = ", ".join(word for word in ("measured", one.flank, angle) if word)
         inside = (turn >= 1.0) & (turn <= table.pitch.shape[1])
         uncertainty = None if one.uncertainty is None else float(one.uncertainty.max())
-        found.append(Measured(name, turn[inside], one.pitch[inside], uncertainty))
+        behind = 0.0 if one.start_angle is None else (one.start_angle - float(table.start_angles[0])) / TURN
+        found.append(Measured(name, turn[inside], one.pitch[inside], uncertainty, behind))
     return tuple(found)
 
 
@@ -114,7 +136,8 @@ def judged(thread: Thread, nominal: FloatArray | PitchTable, measured: FloatArra
            uncertainty: float | None) -> Thread:
     """The thread with its verdict, or with a note that tells why there is none."""
     try:
-        return replace(thread, verdict=judge(nominal, measured, target=thread.target, uncertainty=uncertainty,
+        target = thread.targets if thread.lead_change else thread.target
+        return replace(thread, verdict=judge(nominal, measured, target=target, uncertainty=uncertainty,
                                              screw_lead=thread.screw_lead))
     except JudgementError as error:
         return replace(thread, notes=(*thread.notes, f"No verdict: {error}"))

@@ -1,6 +1,7 @@
 """The curves of a report, computed from its threads: no drawing, no units but SI and turns.
 
-    e(theta) = xi(theta) - P_ref theta / 360        deviation from the ideal line, theta from the beginning of n = 1
+    e(theta) = xi(theta) - P_ref theta / 360        deviation from the ideal line, theta from the beginning of n = 1;
+                                                    a parabola where the lead changes
     c(n)     = sum of P(i) - P_ref for i <= n       cumulative deviation from the first turn of the thread proper
     w(phi, n) = e less the straight line from the beginning to the end of turn n: the error within the turn
 
@@ -57,7 +58,7 @@ def ideal_deviation(thread: Thread, samples: Samples | None) -> Curve | None:
     """e over the turn, 0 where the thread proper begins; None without a recording."""
     if samples is None or samples.turn.size < 2:
         return None
-    deviation = samples.position - thread.target * samples.turn
+    deviation = samples.position - thread.ideal(samples.turn)
     return Curve(samples.turn, deviation - np.interp(_span(thread, samples)[0], samples.turn, deviation))
 
 

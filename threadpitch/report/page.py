@@ -74,8 +74,8 @@ def page(report: Report, scripts: Scripts, navigation: str = "") -> str:
     return templates().get_template("report.html").render(
         title=printable(report.title), provenance=report.provenance, charts=found,
         threads=[statements(thread) for thread in report.threads],
-        document=json_for_script(documents(found)), scripts=scripts, style=style(), version=__version__,
-        navigation=navigation, rows_at_once=_ROWS_AT_ONCE)
+        document=json_for_script(documents(found)), scripts=scripts, policy=scripts.policy, style=style(),
+        version=__version__, navigation=navigation, rows_at_once=_ROWS_AT_ONCE)
 
 
 def require() -> None:

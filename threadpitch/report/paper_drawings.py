@@ -76,8 +76,12 @@ def _pitches(axes: Axes, report: Report) -> None:
         _marked(axes, one.name, one.style, _over_turn(pitch))
         seen.append(pitch[one.thread.chosen[one.row]])
     for thread in report.threads:
-        axes.axhline(from_si(thread.target, "mm"), color="black", linewidth=0.8)
-        levels.append(from_si(thread.target, "mm"))
+        targets = thread.targets[0] * from_si(1.0, "mm")
+        if thread.lead_change:
+            axes.plot(np.arange(1.0, targets.size + 1.0), targets, color="black", linewidth=0.8)
+        else:
+            axes.axhline(float(targets[0]), color="black", linewidth=0.8)
+        levels += [float(targets.min()), float(targets.max())]
         for bound in () if thread.limit is None else (thread.target - thread.limit, thread.target + thread.limit):
             axes.axhline(from_si(bound, "mm"), color=_LIMIT_COLOUR, linewidth=0.8, linestyle=(0, (8, 3)))
             levels.append(from_si(bound, "mm"))
@@ -98,7 +102,7 @@ def _judged(axes: Axes, report: Report) -> None:
             number += 1
     for thread, name, _ in threads(report):
         for measured in thread.measured:
-            deviation = (measured.pitch - thread.target) * from_si(1.0, "um")
+            deviation = thread.measured_deviation(measured) * from_si(1.0, "um")
             _marked(axes, f"{name}: {measured.name}", Style.of(number), Curve(measured.turn, deviation))
             seen.append(deviation)
             number += 1
@@ -150,9 +154,9 @@ def _movement(axes: Axes, report: Report) -> None:
     drawn = False
     for thread, name, style in threads(report):
         if thread.samples is not None:
-            thin = curves.decimated(Curve(thread.samples.turn, thread.samples.position - thread.target
-                                          * thread.samples.turn))
-            position = (thin.y + thread.target * thin.x) * from_si(1.0, "mm")
+            thin = curves.decimated(Curve(thread.samples.turn, thread.samples.position
+                                          - thread.ideal(thread.samples.turn)))
+            position = (thin.y + thread.ideal(thin.x)) * from_si(1.0, "mm")
             _line(axes, name, style, Curve(position, 360.0 * thin.x))
             drawn = True
     _finish(axes, ("xi over theta", "movement xi [mm]", "rotation angle theta [deg]"), [] if drawn else None)
@@ -166,7 +170,8 @@ def _spectrum(axes: Axes, report: Report) -> None:
             _line(axes, name, style, curves.decimated(Curve(found.x, found.y * from_si(1.0, "um"))))
             drawn = True
             if thread.screw_lead is not None:
-                axes.axvline(thread.target / thread.screw_lead, color=style.colour, linestyle="--", linewidth=0.8)
+                axes.axvline(thread.middle_target / thread.screw_lead, color=style.colour, linestyle="--",
+                             linewidth=0.8)
     _finish(axes, ("Spectrum per revolution; dashed: one turn of the ball screw", "order [1/revolution]",
                    "amplitude [um]"), [] if drawn else None)
 

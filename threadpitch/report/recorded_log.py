@@ -10,7 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from threadpitch.judgement import MeasuredThread
-from threadpitch.pitch import BoolArray, GroupPitch, PitchTable, statistics, thread_proper
+from threadpitch.pitch import (
+    BoolArray,
+    GroupPitch,
+    PitchTable,
+    first_lead,
+    leads_of_turns,
+    statistics,
+    thread_proper,
+)
 from threadpitch.report.content import PassOverview, ReportError, Samples, Thread, judged, laid_over
 from threadpitch.trace import TURN, FloatArray, Trace
 from threadpitch.units import from_si
@@ -26,6 +34,7 @@ class LogQuestion:
     measured: tuple[MeasuredThread, ...] = ()
     uncertainty: float | None = None
     screw_lead: float | None = None
+    lead_change: float = 0.0  # m per turn, in every turn; from the target at the first sample on
 
 
 def chosen_groups(groups: Sequence[GroupPitch], path: Path, chosen: str | None) -> list[GroupPitch]:
@@ -45,14 +54,11 @@ def chosen_groups(groups: Sequence[GroupPitch], path: Path, chosen: str | None) 
 
 def log_thread(path: Path, group: GroupPitch, groups: Sequence[GroupPitch], question: LogQuestion) -> Thread:
     """A group as a thread of a report; without a target the median of its turns is taken for one."""
-    chosen = thread_proper(group.table.pitch)
-    told = question.target is not None
-    target = question.target if question.target is not None else float(np.median(group.table.pitch[chosen]))
-    source = "" if told else " (the median of its turns, because no target was given)"
+    chosen, target, said = _wanted(group, question)
     label = f", group {group.label}" if group.label else ""
     thread = Thread(
-        f"{path.name}{label}", group.table, target, chosen,
-        (f"Nominal pitches from the log; target {from_si(target, 'mm'):.6g} mm{source}",),
+        f"{path.name}{label}", group.table, target, chosen, (f"Nominal pitches from the log; {said}",),
+        lead_change=question.lead_change,
         samples=trace_samples(group.trace, group.table), screw_lead=question.screw_lead,
         others=PassOverview(tuple(_row(one) for one in groups)),
         notes=(*group.table.notes, *_left_out(chosen, group.table.pitch)),
@@ -62,6 +68,21 @@ def log_thread(path: Path, group: GroupPitch, groups: Sequence[GroupPitch], ques
         return thread
     return judged(replace(thread, measured=laid_over(group.table, question.measured)), group.table, question.measured,
                   question.uncertainty)
+
+
+def _wanted(group: GroupPitch, question: LogQuestion) -> tuple[BoolArray, float, str]:
+    """(turns of the thread proper, their target [m] where n = 1 begins, the same in words)."""
+    table, lead, change = group.table, question.target, question.lead_change
+    if lead is not None and change:
+        target = first_lead(table, lead, change, group.begins)
+        return (thread_proper(table.pitch - leads_of_turns(table, target, change)), target,
+                f"target {from_si(lead, 'mm'):.6g} mm at the first sample, {from_si(change, 'mm'):+.6g} mm a turn")
+    chosen = thread_proper(table.pitch)
+    if lead is not None:
+        return chosen, lead, f"target {from_si(lead, 'mm'):.6g} mm"
+    median = float(np.median(table.pitch[chosen]))
+    return chosen, median, (f"target {from_si(median, 'mm'):.6g} mm (the median of its turns, because no target was "
+                            "given)")
 
 
 def trace_samples(trace: Trace, table: PitchTable) -> Samples:

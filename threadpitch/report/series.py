@@ -32,6 +32,9 @@ class Style:
                    _GLYPHS[number % len(_GLYPHS)])
 
 
+TARGET = Style("#000000", (), "dot", " ")
+
+
 @dataclass(frozen=True)
 class Series:
     """The pitches of one start angle of one thread."""

@@ -1,7 +1,7 @@
 """The unit of an angle that has none: told by its first samples, where only one is possible.
 
 A wrapped angle tells it by where it begins again: at 1, 360 or 2 pi. A continuous one is in degrees where the spindle
-would turn faster than 30,000 rpm in radians, and so in turns; slower, it may be in either. Counts are not told: whole
+would turn faster than 33,000 rpm in radians, and so in turns; slower, it may be in either. Counts are not told: whole
 numbers may be those of any encoder.
 """
 
@@ -25,6 +25,7 @@ _FEWEST_WRAPS = 2  # one fall may be a counter that was set
 _BEYOND = 1e-3  # periods, by which the ends of a wrapped angle may be missed
 _LARGEST_STEP = 0.25  # periods; a wrapped angle that goes farther in a sample does not tell where it begins again
 _ALIASED = 0.5  # turns per sample
+_SURELY = 1.1  # of the fastest speed: a rounded time and angle may exceed it a little
 _ONWARD = 0.9  # of all movement; less is no spindle that turns, or the unit is another
 
 
@@ -82,7 +83,7 @@ def angle_unit(angle: FloatArray, time: FloatArray | None) -> tuple[str, str]:
     if not found and seconds and _counts_on(angle, steps):
         moved = abs(float(angle[-1] - angle[0]))
         degrees = PERIODS["deg"]
-        if (moved >= degrees and np.abs(steps).max() < _ALIASED * degrees and moved / seconds > FASTEST
+        if (moved >= degrees and np.abs(steps).max() < _ALIASED * degrees and moved / seconds > _SURELY * FASTEST
                 and TURN * moved / degrees / seconds <= FASTEST):
             return "deg", "the spindle would turn faster than 30,000 rpm in rev or rad"
     return found[0] if len(found) == 1 else ("", "")

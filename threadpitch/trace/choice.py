@@ -41,8 +41,8 @@ class ColumnChoice:
     Without ``angle`` or ``position`` they are found by their names and units, and then ``group`` too. Units that are
     not given are those of the header (``Z [mm]``, ``z_mm``), else mm, and of the angle that which its samples tell
     (``angle_unit``), else rev, or count with ``counts_per_turn``. ``angle_unit``: rev, deg, rad, or count, which needs
-    ``counts_per_turn``. Without ``group`` all rows are one group, called 1. Without ``time`` a column that
-    is called time or t, with or without its unit, is taken.
+    ``counts_per_turn``, which tells of other units how finely they are resolved. Without ``group`` all rows are one
+    group, called 1. Without ``time`` a column that is called time or t, with or without its unit, is taken.
 
     With ``angle_b`` the columns angle and angle_b are the levels A and B of an incremental encoder, which are counted;
     ``index`` is its one-turn pulse. With ``index_enable`` (and no group) a pass begins where that column falls, as it

@@ -56,8 +56,9 @@ class Group:
 
     @property
     def resolution(self) -> float:
-        """One count of the spindle's encoder, rad; 0 = not known."""
-        return self.chosen.angle_factor if self.chosen.angle_unit == "count" else 0.0
+        """One count of the spindle's encoder, rad; 0 = not known. Of an angle in degrees too it may be told."""
+        counts = self.chosen.counts_per_turn
+        return 0.0 if counts is None else TURN / counts
 
     @property
     def went_round(self) -> float:

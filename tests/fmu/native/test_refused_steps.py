@@ -56,9 +56,15 @@ def simulated(fmu: Path, stop_time: float, step_size: float) -> str:
 
 @pytest.mark.parametrize("kind", REFUSALS)
 @FLAVORS
-def test_an_importer_ends_at_the_refusal(kind: str, flavor: str, fmi: int, tmp_path: Path) -> None:
-    model = write_model(tmp_path / "probe.py", REFUSALS[kind][0], top=TOP)
-    told = simulated(build_fmu(model, tmp_path, flavor, fmi=fmi), 1.0, 0.01)
+def test_the_refusal_is_warned_of_and_compared_and_an_importer_ends_at_it(
+        kind: str, flavor: str, fmi: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_model(tmp_path / "probe.py", REFUSALS[kind][0], top=TOP)
+    options = ["--output", str(tmp_path), "--check", "--flavor", flavor, "--fmi", str(fmi)]
+    assert invoke(["build", str(path), *options]) == 0
+    written = capsys.readouterr()
+    assert written.err.startswith(f"threadpitch: warning: {path}: the default experiment is refused at ")
+    assert "all agree" in written.out
+    told = simulated(next(tmp_path.rglob("Probe.fmu")), 1.0, 0.01)
     if fmi == 3:
         assert told == f"raised {STEPS[kind]} fmi3DoStep failed with status 2 (discard)."
     else:
@@ -103,17 +109,6 @@ def test_an_index_outside_its_array_in_the_initialization(flavor: str, fmi: int,
 
 
 @needs_compiler
-@pytest.mark.parametrize("kind", REFUSALS)
-def test_the_refusal_is_compared_and_warned_of(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = write_model(tmp_path / "probe.py", REFUSALS[kind][0], top=TOP)
-    for options in (["native"], ["native", "--fmi", "3"], ["python"]):
-        assert invoke(["build", str(path), "--output", str(tmp_path), "--check", "--flavor", *options]) == 0
-        told = capsys.readouterr()
-        assert told.err.startswith(f"threadpitch: warning: {path}: the default experiment is refused at ")
-        assert "all agree" in told.out
-
-
-@needs_compiler
 @pytest.mark.parametrize("step", ["self.n = self.n + 1\nself.y = 1.0 / (5.0 - self.n)",
                                   "self.n = self.n + 1\nself.y = sqrt(4.0 - self.n)"], ids=["division", "root"])
 def test_what_python_refuses_and_c_computes_is_a_difference(step: str, tmp_path: Path) -> None:
@@ -155,6 +150,12 @@ def test_a_step_without_end_is_told_with_its_line(tmp_path: Path, monkeypatch: p
 # Damaged reference results -------------------------------------------------------------------------------------------
 
 
+@pytest.fixture(scope="module")
+def sound_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sound")
+    return build_fmu(write_model(folder / "probe.py", "self.n = self.n + 1", top=TOP), folder, "native")
+
+
 @needs_compiler
 @pytest.mark.parametrize(("part", "change", "problem"), [
     ("ref.csv", lambda text: text.rsplit("\n", 2)[0] + "\n",
@@ -165,11 +166,10 @@ def test_a_step_without_end_is_told_with_its_line(tmp_path: Path, monkeypatch: p
     ("ref.csv", lambda text: "", r"Probe_ref\.csv holds no row"),
     ("ref.opt", lambda text: text.replace("StopTime, 1.0", "StopTime, 2.0"), r"has the StopTime 2\.0 s"),
 ])
-def test_reference_results_that_are_cut_off_are_named(part: str, change: object, problem: str, tmp_path: Path) -> None:
+def test_reference_results_that_are_cut_off_are_named(part: str, change: object, problem: str, tmp_path: Path,
+                                                       sound_fmu: Path) -> None:
     assert callable(change)
-    path = write_model(tmp_path / "probe.py", "self.n = self.n + 1", top=TOP)
-    fmu = build_fmu(path, tmp_path, "native")
-    with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(tmp_path / "changed.fmu", "w") as copy:
+    with zipfile.ZipFile(sound_fmu) as source, zipfile.ZipFile(tmp_path / "changed.fmu", "w") as copy:
         for name in source.namelist():
             content = source.read(name)
             copy.writestr(name, change(content.decode()) if name.endswith(part) else content)
