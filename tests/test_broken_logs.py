@@ -52,7 +52,7 @@ BROKEN: dict[str, tuple[bytes, str]] = {
     "header and blanks.csv": (HEADER.encode() + b"\n\n\n", "there are no rows below the header"),
     "binary.csv": (bytes(range(256)) * 40, "is not a text file"),
     "zeros.csv": (b"\0" * 5000, "is not a text file"),
-    "open quote over a long log.csv": (log(at=8, row='"0.006,0.6,0.9,1', rows=good(9000)), ":8: a quoted text is not closed"),
+    "open quote over a long log.csv": (log(row='"0.006,0.6,0.9,1', rows=good(9000)), ":8: a quoted text is not closed"),
     "late zero.csv": (log(rows=good(4000)) + b"\0\0", "a zero byte in the text"),
     "picture.png": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + b"\0" * 90, "is not a text file"),
     "gigantic line.csv": (HEADER.encode() + b"\n" + b"1" * 3_000_000, "a line of more than 65536 characters"),
