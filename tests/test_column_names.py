@@ -118,3 +118,11 @@ def test_units_in_the_letters_of_older_windows_are_known(tmp_path: Path) -> None
 def test_passes_by_the_column_of_a_signal_are_refused(group: str) -> None:
     with pytest.raises(TraceError, match=r"log:1: the group is column .*, which is the angle or the position; name"):
         choose("log:1", ["angle [deg]", "z [mm]", "pass"], ColumnChoice(group=group))
+
+
+def test_a_name_is_known_without_its_unit_where_it_is_the_only_one() -> None:
+    names = ["t [s]", "Z [mm]", "Z [inch]", "A [deg]", "X [mm]", "X"]
+    found = choose("log", names, ColumnChoice("A", "X"))
+    assert (found.angle, found.position) == (3, 5)
+    with pytest.raises(TraceError, match="there is no column 'Z'; nearest are"):
+        choose("log", names, ColumnChoice("A", "Z"))

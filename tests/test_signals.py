@@ -106,6 +106,7 @@ def test_a_latency_is_taken_away_and_can_be_estimated(tmp_path: Path) -> None:
         pitch, notes = read(path, choice, Signals(latency=latency))
         assert abs(pitch[1:-1] - 1.5e-3).max() < 1e-7
         assert any("4 ms later" in note or "3.99" in note or "4.00" in note for note in notes)
+    assert any("with a standard uncertainty of " in note for note in notes)
     even = write(tmp_path / "even.csv", time_s=TIME, revs=8.0 * TIME, z_mm=12.0 * TIME)
     with pytest.raises(TraceError, match="the spindle's speed does not vary; give it as a number"):
         read(even, choice, Signals(latency=math.nan))
@@ -121,7 +122,24 @@ def test_a_latency_is_estimated_without_a_bias(ripple: float, turns: float) -> N
     revs = 5.0 * time + ripple * np.sin(44.0 * time)
     late = np.interp(time - 0.003, time, 1.5e-3 * revs)
     for angle in (revs, np.floor(4096.0 * revs) / 4096.0):
-        assert abs(estimated_latency(time, TURN * angle, late) - 0.003) < 3e-5
+        latency, uncertainty = estimated_latency(time, TURN * angle, late)
+        assert abs(latency - 0.003) < 3e-5
+        assert 0.0 < uncertainty < 1e-4
+
+
+@pytest.mark.parametrize(("ripple", "most"), [(0.06, 2e-4), (0.002, 5e-3)])
+def test_the_uncertainty_of_an_estimated_latency_holds_its_error(ripple: float, most: float) -> None:
+    """A weak ripple beside a screw error of 2 um tells little, which is said."""
+    time = 1e-3 * np.arange(6000.0)
+
+    def turned(at: FloatArray, phase: float) -> FloatArray:
+        return 8.3 * (at + ripple / (14.0 * np.pi) * np.sin(14.0 * np.pi * at + phase))
+
+    for phase in np.linspace(0.0, TURN, 10, endpoint=False):
+        revs = turned(time, float(phase))
+        late = 1.5e-3 * turned(time - 0.003, float(phase)) + 2e-6 * np.sin(TURN * revs / 6.67)
+        latency, uncertainty = estimated_latency(time, TURN * np.floor(4096.0 * revs) / 4096.0, late)
+        assert abs(latency - 0.003) < 2.0 * uncertainty < most
 
 
 def test_a_quantised_angle_at_even_speed_tells_no_latency() -> None:

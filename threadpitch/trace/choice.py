@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from threadpitch import units
-from threadpitch.trace.column_names import beside, score, words_of
+from threadpitch.trace.column_names import beside, score, without_unit, words_of
 from threadpitch.trace.recording import TraceError
 from threadpitch.trace.soundness import TURN
 
@@ -326,8 +326,9 @@ def _index(place: str, names: list[str], name: str) -> int:
     if name.isascii() and name.isdigit() and 1 <= int(name) <= len(names):
         return int(name) - 1
     parts = [i for i, other in enumerate(names)
-             if other.endswith(f"/{name.strip()}") or other.startswith(f"{name.strip()}: ")]
+             if other.endswith(f"/{name.strip()}") or other.startswith(f"{name.strip()}: ")
+             or without_unit(other) == name.strip()]
     if len(parts) == 1:
-        return parts[0]  # the last part of a path, or a description before an address
+        return parts[0]  # the last part of a path, a description before an address, a name before a unit
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.4) or names[:_LISTED]
     raise TraceError(f"{place}: there is no column {brief(name)}; nearest are {', '.join(map(brief, near))}")

@@ -72,11 +72,11 @@ def beside(names: Sequence[str], position: int, what: str) -> int | None:
 
     It has the axis of the position in its name; without one it is the only column of its kind.
     """
-    own = _without_unit(names[position])
+    own = without_unit(names[position])
     axis = _axis(own)
     found = []
     for i, name in enumerate(names):
-        bare = _without_unit(name)
+        bare = without_unit(name)
         following = _FOLLOWING.search(bare) is not None
         if i == position:
             continue
@@ -105,6 +105,7 @@ def _axis(name: str) -> str:
     return axes[0] if axes else ""
 
 
-def _without_unit(name: str) -> str:
+def without_unit(name: str) -> str:
+    """``Z [mm]`` -> ``Z``."""
     unit = _BRACKETS.search(name)
-    return name if unit is None or unit[1].strip().startswith("u1") else name[: unit.start()]
+    return name if unit is None or unit[1].strip().startswith("u1") else name[: unit.start()].rstrip()

@@ -22,6 +22,7 @@ _GAP, _LEAST = 1.5, 1e-6  # usual intervals
 _WINDOW = 0.25  # turns at most, over which signals are averaged where the latency is estimated
 _CERTAIN = 5.0  # standard deviations by which both speeds must vary alike, window by window
 _USUAL_FEED = 5.0  # median deviations of the feed's speed, beyond which it sets off or stops
+_BLOCKS = 10  # of a recording, by which the uncertainty of the latency is told
 _BEFORE = 50  # samples before a gap by which the speed is told
 
 
@@ -260,12 +261,13 @@ def without_outliers(position: FloatArray, limit: float) -> tuple[FloatArray, In
     return mended, places
 
 
-def estimated_latency(time: FloatArray, angle: FloatArray, position: FloatArray) -> float:
-    """tau of ``xi(t) = a + b theta(t - tau)``, s, by least squares out of ``xi = a + b theta - b tau d theta/dt``.
+def estimated_latency(time: FloatArray, angle: FloatArray, position: FloatArray) -> tuple[float, float]:
+    """(tau, its standard uncertainty), s, of ``xi(t) = a + b theta(t - tau)``.
 
-    All are averaged over the same window, which leaves the equation true; what is left of tau, which moves the position
-    by more than the first order, is found once more. A feed that follows its command late looks the same: tau holds
-    both.
+    It is found by least squares out of ``xi = a + b theta - b tau d theta/dt``. All are averaged over the same window,
+    which leaves the equation true; what is left of tau, which moves the position by more than the first order, is found
+    once more. The uncertainty is that of the jackknife over ``_BLOCKS`` parts of the recording, one of which is left
+    out at a time. A feed that follows its command late looks the same: tau holds both.
 
     Raises:
         TraceError: the spindle's speed does not vary enough to tell.
@@ -277,18 +279,28 @@ def estimated_latency(time: FloatArray, angle: FloatArray, position: FloatArray)
         angle - angle[0], position - position[0], np.gradient(angle, time), np.gradient(position, time)))
     if speed.std() < 1e-4 * abs(speed.mean()) or not _vary_alike(speed, feed, width):
         raise TraceError("the latency cannot be estimated: the spindle's speed does not vary; give it as a number")
-    first = _late(theta, speed, xi)
+    first, uncertainty = _late(theta, speed, xi)
     instants = time[width // 2 : width // 2 + xi.size]
     there = (instants + first >= instants[0]) & (instants + first <= instants[-1])
     if there.sum() < xi.size // 2:
-        return first
-    return first + _late(theta[there], speed[there], np.interp(instants[there] + first, instants, xi))
+        return first, uncertainty
+    rest, uncertainty = _late(theta[there], speed[there], np.interp(instants[there] + first, instants, xi))
+    return first + rest, uncertainty
 
 
-def _late(theta: FloatArray, speed: FloatArray, xi: FloatArray) -> float:
-    matrix = np.column_stack([np.ones(theta.size), theta, speed - speed.mean()])
-    (_, per_angle, per_speed), *_ = np.linalg.lstsq(matrix, xi, rcond=None)
-    return float(-per_speed / per_angle) if per_angle != 0.0 else 0.0
+def _late(theta: FloatArray, speed: FloatArray, xi: FloatArray) -> tuple[float, float]:
+    matrix = np.column_stack([np.ones(theta.size), theta - theta.mean(), speed - speed.mean()])
+    matrix /= np.maximum(np.abs(matrix).max(axis=0), np.finfo(np.float64).tiny)
+    parts = [(rows.T @ rows, rows.T @ values) for rows, values in zip(
+        np.array_split(matrix, _BLOCKS), np.array_split(xi, _BLOCKS), strict=True)]
+    scale = float(np.abs(theta - theta.mean()).max() / np.abs(speed - speed.mean()).max())
+
+    def late(used: list[tuple[FloatArray, FloatArray]]) -> float:
+        _, per_angle, per_speed = np.linalg.lstsq(sum(one for one, _ in used), sum(one for _, one in used))[0]
+        return float(-scale * per_speed / per_angle) if per_angle != 0.0 else 0.0
+
+    without = np.array([late([*parts[:k], *parts[k + 1 :]]) for k in range(_BLOCKS)])
+    return late(parts), float(np.sqrt((_BLOCKS - 1.0) / _BLOCKS * np.sum((without - without.mean()) ** 2)))
 
 
 def _vary_alike(speed: FloatArray, feed: FloatArray, width: int) -> bool:

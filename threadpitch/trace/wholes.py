@@ -42,10 +42,11 @@ def _finished(group: Group, whole: Samples) -> Trace:
     if trace.time is None:
         raise TraceError(f"{trace.whole()}: a latency needs the time of the samples; name the time column")
     try:
-        latency = estimated_latency(trace.time, trace.angle, trace.position)
+        latency, uncertainty = estimated_latency(trace.time, trace.angle, trace.position)
     except TraceError as error:
         raise TraceError(f"{trace.whole()}: {error}") from None
-    step = Latency(group, latency, ", as estimated from the spindle's speed (a feed that follows late looks the same)")
+    step = Latency(group, latency, f", as estimated from the spindle's speed with a standard uncertainty of "
+                                   f"{1e3 * uncertainty:.2g} ms (a feed that follows late looks the same)")
     ready, rest = step.add(whole), step.end()
     return _trace(group, ready if rest is None else joined([ready, rest]))
 
