@@ -140,12 +140,12 @@ def test_a_pipe_gets_plain_text_and_no_progress(workplace: Path) -> None:
 
 
 @POSIX
-@pytest.mark.parametrize("options", [(), ("--json",)])
-def test_a_closed_pipe_ends_it_without_a_word(options: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("words", [ANALYZE, (*ANALYZE, "--json"), (), ("--help",), ("analyze", "-h")])
+def test_a_closed_pipe_ends_it_without_a_word(words: tuple[str, ...]) -> None:
     """As ``threadpitch analyze ... | head -1`` does, when head is quick."""
     theirs, ours = os.pipe()
     os.close(theirs)
-    done = process(*ANALYZE, *options, stdout=ours, stderr=subprocess.PIPE)
+    done = process(*words, stdout=ours, stderr=subprocess.PIPE)
     os.close(ours)
     _, err = done.communicate(timeout=LONGEST_WAIT)
     assert (done.returncode, err) == (1, b"")

@@ -1,13 +1,14 @@
 """The stream gives what the whole recording gives, bit for bit, however the samples are cut into pieces."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from threadpitch.pitch import PitchError, PitchStream, stream, thread_pitch
+from threadpitch.pitch import PitchError, PitchStream, PitchTable, stream, thread_pitch
 from threadpitch.trace import FloatArray, TraceError
 
 TURN = 2.0 * math.pi
@@ -38,6 +39,18 @@ def plain(angle: FloatArray, position: FloatArray, start: float) -> FloatArray:
     return np.array(found)
 
 
+def tables(one: Callable[[], PitchTable], other: Callable[[], PitchTable]) -> tuple[PitchTable, PitchTable] | None:
+    """What two calls give; None where both refuse, for the same reason."""
+    try:
+        found = one()
+    except PitchError as error:
+        with pytest.raises(PitchError) as refused:
+            other()
+        assert str(refused.value) == str(error)  # noqa: PT017 -- two calls that fail alike
+        return None
+    return found, other()
+
+
 @settings(deadline=None, max_examples=150)
 @given(seed=st.integers(0, 2**32 - 1), size=st.integers(2, 9000), borders=st.lists(st.floats(0.0, 1.0), max_size=12))
 def test_pieces_give_the_bits_of_the_whole(seed: int, size: int, borders: list[float]) -> None:
@@ -46,14 +59,10 @@ def test_pieces_give_the_bits_of_the_whole(seed: int, size: int, borders: list[f
     cuts = sorted(round(border * size) for border in borders)
     for first, last in zip([0, *cuts], [*cuts, size], strict=True):
         pieces.add(angle[first:last], position[first:last])
-    try:
-        whole = thread_pitch(angle, position, STARTS)
-    except PitchError as error:
-        with pytest.raises(PitchError) as refused:
-            pieces.table()
-        assert str(refused.value) == str(error)  # noqa: PT017 -- two calls that fail alike
+    both = tables(pieces.table, lambda: thread_pitch(angle, position, STARTS))
+    if both is None:
         return
-    table = pieces.table()
+    table, whole = both
     np.testing.assert_array_equal(table.pitch, whole.pitch)
     np.testing.assert_array_equal(table.crossings, whole.crossings)
     np.testing.assert_array_equal(table.extrapolated, whole.extrapolated)

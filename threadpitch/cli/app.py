@@ -54,8 +54,10 @@ _KNOWN_ERRORS = (ApproachError, cosim.CosimError, lathe.LatheError, BuildError, 
                  ModelError, OperationError, ParameterFileError, PitchError, PlotError, PublishError, ReportError,
                  ServeError, StoreError, StudyError, ToleranceError, TraceError, UnitError, OSError)
 
+_HELP = frozenset(("--help", "-h"))
+
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
-                  context_settings={"help_option_names": ["-h", "--help"]},
+                  context_settings={"help_option_names": sorted(_HELP)},
                   help="Did the machine tool cut this thread's pitch right, and if not, why? Movement of the feed per "
                        "spindle revolution, from a simulated lathe of FMUs or from a machine's log.")
 for _command in (run, resume, check, analyze, watch, build, cycle, approach, report, study, tune, fit, publish, serve):
@@ -92,8 +94,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 def invoke(arguments: Sequence[str]) -> int:
     """The command line's exit status; what is wrong goes to standard error in one line."""
     # Not app(): what that does with Ctrl-C and closed pipes differs from version to version.
+    helping = not arguments or not _HELP.isdisjoint(arguments)
     try:
-        with typer.main.get_command(app).make_context("threadpitch", _one_value_each(arguments)) as context:
+        with printing() if helping else contextlib.nullcontext(), \
+                typer.main.get_command(app).make_context("threadpitch", _one_value_each(arguments)) as context:
             context.command.invoke(context)
     except typer.Exit as end:
         return end.exit_code

@@ -13,6 +13,7 @@ from threadpitch.trace.conditioned import Samples, joined
 from threadpitch.trace.groups import Group
 from threadpitch.trace.recording import TraceError, time_fault
 from threadpitch.trace.signals import without_outliers
+from threadpitch.trace.soundness import LARGEST, damage_text
 
 _AROUND = 2  # samples on either side by which an outlier is told
 
@@ -80,11 +81,10 @@ class _Sound:
         if coming.time is not None and coming.size:
             fault = time_fault(coming.time, self._end)
             self._end = float(coming.time[-1])
-        finite = np.isfinite(coming.position)
-        if fault is None and not finite.all():
-            sample = int(np.argmin(finite))
-            value = coming.position[sample]
-            fault = sample, f"position is {'NaN' if math.isnan(value) else value}; mend or leave out this sample"
+        sound = np.abs(coming.position) <= LARGEST
+        if fault is None and not sound.all():
+            sample = int(np.argmin(sound))
+            fault = sample, damage_text("position", coming.position[sample])
         if fault is not None:
             raise TraceError(f"{self._group.place(coming.lines, fault[0], self._size)}: {fault[1]}")
         self._size += coming.size
@@ -169,7 +169,7 @@ class Latency:
         last = max(last, self._given)
         part = slice(max(int(np.searchsorted(instants, self._begin)), self._given), last)
         position = np.interp(instants[part], whole.time, whole.position) if part.start < last else np.empty(0)
-        ready = replace(whole.part(slice(min(part.start, last), last)), position_values=position)
+        ready = replace(whole.part(slice(min(part.start, last), last)), position_values=position, position_factor=1.0)
         self._taken += ready.size
         needed = float(instants[last]) if last < whole.size else self._end + self._latency
         kept = max(min(last, int(np.searchsorted(whole.time, needed, side="right")) - 1), 0)

@@ -82,11 +82,16 @@ def first_fault(angle: FloatArray, position: FloatArray, limit: float) -> tuple[
     return -1, always
 
 
+def damage_text(name: str, value: float) -> str:
+    """That a value cannot be one, and how to mend it."""
+    return f"{name} is {'NaN' if math.isnan(value) else value}; mend or leave out this sample"
+
+
 def fault_text(angle: FloatArray, position: FloatArray, sample: int, peak: float) -> str:
     """What is wrong with a sample that is refused, and how to mend it; ``peak`` of the angle before it, rad."""
     for name, value in (("angle", angle[sample]), ("position", position[sample])):
         if not abs(value) <= LARGEST:
-            return f"{name} is {'NaN' if math.isnan(value) else value}; mend or leave out this sample"
+            return damage_text(name, value)
     steps = np.diff(angle)
     if peak - angle[0] < TURN and np.count_nonzero(steps < 0.0) > np.count_nonzero(steps > 0.0):
         return "the angle counts down; give it counted up in the turning direction (the negative of it)"
